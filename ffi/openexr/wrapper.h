@@ -1,0 +1,2 @@
+/* What bindgen reads: OpenEXR's C core. */
+#include <openexr.h>

@@ -1,0 +1,83 @@
+//! The one error type of the library.
+
+use std::path::{Path, PathBuf};
+
+/// What every fallible function of the library returns.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A failure, told so that its reader knows which file and place to look at and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A scene file breaks its specification; `path` is the JSON path of the offending value, such as `/meshes/0/primitives/1`.
+    #[error("{}: {}{what}", file.display(), at(path))]
+    Scene {
+        /// The scene file.
+        file: PathBuf,
+        /// The JSON path inside it, empty for the file as a whole.
+        path: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// A file is sound but needs something that this program lacks; `what` names it and says what to do instead.
+    #[error("{}: {}{what}", file.display(), at(path))]
+    Unsupported {
+        /// The file.
+        file: PathBuf,
+        /// The JSON path inside it, empty for the file as a whole.
+        path: String,
+        /// What is missing, and the way around it.
+        what: String,
+    },
+    /// An image file cannot be decoded or encoded.
+    #[error("{}: {what}", file.display())]
+    Image {
+        /// The image file.
+        file: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// An argument is outside its domain.
+    #[error("{0}")]
+    InvalidArgument(String),
+    /// The ray tracing device failed.
+    #[error("{0}")]
+    Device(String),
+    /// Reading or writing a file failed.
+    #[error("{}: {source}", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// The caller asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+fn at(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+impl Error {
+    /// A [`Error::Scene`] for `file` at the JSON path `path`.
+    pub fn scene(file: &Path, path: impl Into<String>, what: impl Into<String>) -> Self {
+        Self::Scene { file: file.to_owned(), path: path.into(), what: what.into() }
+    }
+
+    /// A [`Error::Unsupported`] for `file` at the JSON path `path`.
+    pub fn unsupported(file: &Path, path: impl Into<String>, what: impl Into<String>) -> Self {
+        Self::Unsupported { file: file.to_owned(), path: path.into(), what: what.into() }
+    }
+
+    /// A [`Error::Image`] for `file`.
+    pub fn image(file: &Path, what: impl Into<String>) -> Self {
+        Self::Image { file: file.to_owned(), what: what.into() }
+    }
+
+    /// Turns an I/O error on `file` into ours; for use with `map_err`.
+    pub fn io(file: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| Self::Io { file: file.to_owned(), source }
+    }
+}

@@ -1,0 +1,32 @@
+//! Global illumination by irradiance and radiance caching.
+//!
+//! Three uses of one code base: a renderer (glTF in, multi-layer OpenEXR out), a C library that other renderers load,
+//! and a bench. The modules are listed in the order in which they may import one another: a module uses only those above it
+//! (`tests/architecture.rs` holds the rule, `docs/ARCHITECTURE.md` the reasons).
+
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod error;
+pub mod progress;
+pub mod fsutil;
+pub mod math;
+#[allow(unsafe_code, reason = "the one place, with capi, where foreign functions are called")]
+pub mod ffi;
+pub mod imagefile;
+pub mod sampling;
+pub mod geometry;
+pub mod accel;
+pub mod texture;
+pub mod material;
+pub mod light;
+pub mod camera;
+pub mod scene;
+pub mod gather;
+pub mod cache;
+pub mod integrator;
+pub mod film;
+pub mod import;
+pub mod render;
+pub mod compare;
+pub mod bench;

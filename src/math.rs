@@ -1,0 +1,94 @@
+//! Vectors, colours, frames and the small algebra the metrics need.
+//!
+//! Vectors and matrices are [`glam`]'s. Single precision everywhere, except where a formula says why not.
+
+pub use glam::{Affine3A, DVec2, DVec3, Mat3, Vec2, Vec3, Vec4};
+
+/// A linear Rec. 709 triple: radiance, irradiance, albedo, whatever the name beside it says.
+pub type Color = Vec3;
+
+/// 1/π.
+pub const INV_PI: f32 = std::f32::consts::FRAC_1_PI;
+/// π.
+pub const PI: f32 = std::f32::consts::PI;
+
+/// The luminance of a linear Rec. 709 colour, Y of CIE 1931.
+#[inline]
+pub fn luminance(c: Color) -> f32 {
+    0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
+}
+
+/// A right-handed orthonormal frame: `s × t = n`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// First tangent.
+    pub s: Vec3,
+    /// Second tangent.
+    pub t: Vec3,
+    /// Normal.
+    pub n: Vec3,
+}
+
+impl Frame {
+    /// The frame of the unit normal `n` whose tangents depend on `n` alone, so that all points of a plane share them.
+    ///
+    /// Duff et al. 2017 [Duff17, Listing 3], with components of `n` below 1e-4 taken as zero when the sign is chosen: rounding noise on an
+    /// axis-aligned wall must not flip its tangents.
+    #[inline]
+    pub fn from_normal(n: Vec3) -> Self {
+        let sign = if n.z < -1e-4 { -1.0 } else { 1.0 };
+        let a = -1.0 / (sign + n.z);
+        let b = n.x * n.y * a;
+        let s = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
+        let t = Vec3::new(b, sign + n.y * n.y * a, -n.y);
+        Self { s, t, n }
+    }
+
+    /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it; [`Frame::from_normal`] where they are parallel.
+    pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
+        let s = tangent - n * n.dot(tangent);
+        match s.try_normalize() {
+            Some(s) if s.is_finite() => Self { s, t: n.cross(s), n },
+            _ => Self::from_normal(n),
+        }
+    }
+
+    /// World to local: `(v·s, v·t, v·n)`.
+    #[inline]
+    pub fn to_local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
+    }
+
+    /// Local to world.
+    #[inline]
+    pub fn to_world(&self, v: Vec3) -> Vec3 {
+        self.s * v.x + self.t * v.y + self.n * v.z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_orthonormal_and_right_handed() {
+        for i in 0..1000 {
+            let z = 1.0 - 2.0 * (i as f32 + 0.5) / 1000.0;
+            let (phi, r) = (i as f32 * 2.399_963, (1.0 - z * z).sqrt());
+            let n = Vec3::new(r * phi.cos(), r * phi.sin(), z).normalize();
+            for f in [Frame::from_normal(n), Frame::from_normal_tangent(n, Vec3::new(0.3, -0.2, 0.9)), Frame::from_normal_tangent(n, n)] {
+                assert!((f.s.cross(f.t) - f.n).length() < 1e-5, "{f:?}");
+                assert!((f.s.length() - 1.0).abs() < 1e-5 && f.s.dot(f.n).abs() < 1e-5, "{f:?}");
+                let v = Vec3::new(0.2, -0.7, 0.4);
+                assert!((f.to_world(f.to_local(v)) - v).length() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn rounding_noise_does_not_flip_a_wall_s_tangents() {
+        let a = Frame::from_normal(Vec3::new(1.0, 0.0, 1e-7).normalize());
+        let b = Frame::from_normal(Vec3::new(1.0, 0.0, -1e-7).normalize());
+        assert!((a.s - b.s).length() < 1e-5 && (a.t - b.t).length() < 1e-5);
+    }
+}

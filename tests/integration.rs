@@ -1,0 +1,17 @@
+//! All integration tests: one binary, so that there is one link.
+
+mod accel; // both back ends agree
+mod architecture; // module order, citations, file sizes
+mod chi2; // sample() agrees with pdf()
+mod cli; // the command line as a user runs it
+mod compare; // image metrics
+mod conformance; // glTF files that must load
+mod derivative; // gradients against closed forms
+mod furnace; // closed boxes of known radiance
+mod imagefile; // images in and out
+mod images; // whole pictures against references
+mod lights; // light sampling
+mod malformed; // files that must fail, cleanly
+mod scenes; // our own scenes
+mod schemes; // every preset
+mod testdata; // where the optional test data is
