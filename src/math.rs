@@ -76,7 +76,11 @@ mod tests {
             let z = 1.0 - 2.0 * (i as f32 + 0.5) / 1000.0;
             let (phi, r) = (i as f32 * 2.399_963, (1.0 - z * z).sqrt());
             let n = Vec3::new(r * phi.cos(), r * phi.sin(), z).normalize();
-            for f in [Frame::from_normal(n), Frame::from_normal_tangent(n, Vec3::new(0.3, -0.2, 0.9)), Frame::from_normal_tangent(n, n)] {
+            for f in [
+                Frame::from_normal(n),
+                Frame::from_normal_tangent(n, Vec3::new(0.3, -0.2, 0.9)),
+                Frame::from_normal_tangent(n, n),
+            ] {
                 assert!((f.s.cross(f.t) - f.n).length() < 1e-5, "{f:?}");
                 assert!((f.s.length() - 1.0).abs() < 1e-5 && f.s.dot(f.n).abs() < 1e-5, "{f:?}");
                 let v = Vec3::new(0.2, -0.7, 0.4);

@@ -1,6 +1,6 @@
 //! Progress and cancellation: one object that the fill and the frame both report through.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 
 /// The phases of a run, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

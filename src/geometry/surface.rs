@@ -59,7 +59,8 @@ pub fn interpolate(geometry: &Geometry, instance: u32, triangle: u32, u: f32, v:
     if let Some(normals) = &mesh.normals {
         let local = w * normals[ia] + u * normals[ib] + v * normals[ic];
         // Normals transform by the inverse transpose; its determinant only scales them, and the side is chosen below.
-        let cofactor = [linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis)];
+        let cofactor =
+            [linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis)];
         let world = Vec3::from(cofactor[0] * local.x + cofactor[1] * local.y + cofactor[2] * local.z);
         if let Some(unit) = world.try_normalize().filter(|n| n.is_finite()) {
             n = if unit.dot(ng) < 0.0 { -unit } else { unit };

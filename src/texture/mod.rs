@@ -1,7 +1,9 @@
 //! Sampling of images as textures, with transforms and colour spaces.
 
-use std::sync::Arc;
+pub use crate::imagefile::{TextureImage, TexturePixels};
+
 use crate::math::Vec2;
+use std::sync::Arc;
 
 /// How texture coordinates outside [0, 1] are mapped into it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,26 +25,6 @@ pub enum ColorSpace {
     Srgb,
     /// Numbers as they stand.
     Linear,
-}
-
-/// Decoded pixels, shared by all textures that show them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TextureImage {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// RGBA of each pixel, row by row from the top; `width * height` entries.
-    pub pixels: TexturePixels,
-}
-
-/// The stored precision of a [`TextureImage`].
-#[derive(Clone, Debug, PartialEq)]
-pub enum TexturePixels {
-    /// 8 bits per channel.
-    Rgba8(Vec<[u8; 4]>),
-    /// 16 bits per channel.
-    Rgba16(Vec<[u16; 4]>),
 }
 
 /// An image with its sampler.
