@@ -1,1 +1,145 @@
-//! gather.
+//! The hemisphere gather that every caching scheme shares: where rays go, what they bring back, and the estimates made from it.
+//!
+//! A gather knows no scene. It fills the directions of a [`Bundle`], a [`RadianceProbe`] fills in what each ray sees, and the pure functions of
+//! [`HemisphereSamples`] turn that into irradiance, its error, distances to the surroundings and gradients. Local directions are in the frame of the surface point:
+//! z is the shading normal.
+
+mod estimate;
+mod gradient;
+mod layout;
+
+pub use gradient::{Gradient, TranslationalGradient};
+pub use layout::{Density, Layout};
+
+use crate::geometry::SurfacePoint;
+use crate::math::{Color, Frame, Vec3};
+
+/// What a gather ray met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HitKind {
+    /// Nothing: the ray left the scene, or points below the geometric surface it started from.
+    #[default]
+    None,
+    /// A surface that reflects or absorbs.
+    Surface,
+    /// A surface that emits.
+    Emitter,
+    /// The environment.
+    Environment,
+}
+
+/// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`, `pdf` and `seed`, the probe the rest.
+#[derive(Clone, Debug, Default)]
+pub struct Bundle {
+    /// Unit directions in the local frame, z > 0.
+    pub dir_local: Vec<Vec3>,
+    /// Density of each direction per steradian.
+    pub pdf: Vec<f32>,
+    /// Radiance arriving from each direction.
+    pub radiance: Vec<Color>,
+    /// Distance to what each ray hit, infinite where it hit nothing.
+    pub distance: Vec<f32>,
+    /// Unit normal at the hit, world space, facing the point of the gather; zero where there is no surface.
+    pub normal: Vec<Vec3>,
+    /// What each ray met.
+    pub kind: Vec<HitKind>,
+    /// Seed of every random choice of the probe.
+    pub seed: u64,
+}
+
+impl Bundle {
+    /// Number of rays.
+    pub fn len(&self) -> usize {
+        self.dir_local.len()
+    }
+
+    /// True without rays.
+    pub fn is_empty(&self) -> bool {
+        self.dir_local.is_empty()
+    }
+
+    /// Makes room for `n` answers, all of them "nothing".
+    fn reset(&mut self, n: usize) {
+        self.dir_local.clear();
+        self.pdf.clear();
+        self.radiance.clear();
+        self.radiance.resize(n, Color::ZERO);
+        self.distance.clear();
+        self.distance.resize(n, f32::INFINITY);
+        self.normal.clear();
+        self.normal.resize(n, Vec3::ZERO);
+        self.kind.clear();
+        self.kind.resize(n, HitKind::None);
+    }
+}
+
+/// Whatever can tell the light arriving at a surface point: our own tracer, a host renderer's callback, an analytic field in a test.
+pub trait RadianceProbe: Sync {
+    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at `from`.
+    ///
+    /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by the camera. Indirect light at the hits may be taken from
+    /// `deeper`, whose caches are finished.
+    fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle);
+}
+
+/// Indirect light at hit points, from the finished caches of deeper bounces.
+pub trait Deeper: Sync {
+    /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path; `None` where no record is valid.
+    fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
+}
+
+/// No deeper cache.
+pub struct NoDeeper;
+
+impl Deeper for NoDeeper {
+    fn irradiance(&self, _: u8, _: &SurfacePoint) -> Option<Color> {
+        None
+    }
+}
+
+/// The samples of one hemisphere and the estimates made from them.
+///
+/// Estimates weigh sample k by `Ω_k = 1/(N p_k)`, so they hold for any density.
+pub struct HemisphereSamples {
+    frame: Frame,
+    layout: Layout,
+    density: Density,
+    bundle: Bundle,
+}
+
+impl HemisphereSamples {
+    /// An empty gather; its buffers are reused by every [`HemisphereSamples::gather`].
+    pub fn new(layout: Layout, density: Density) -> Self {
+        Self { frame: Frame::from_normal(Vec3::Z), layout, density, bundle: Bundle::default() }
+    }
+
+    /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random choice of the probe.
+    pub fn gather(&mut self, probe: &dyn RadianceProbe, at: &SurfacePoint, level: u8, deeper: &dyn Deeper, seed: u64) {
+        self.frame = at.frame;
+        self.bundle.reset(self.layout.rays());
+        self.layout.directions(self.density, seed, &mut self.bundle.dir_local, &mut self.bundle.pdf);
+        self.bundle.seed = crate::sampling::hash(&[seed, 1]);
+        probe.incoming(at, level, deeper, &mut self.bundle);
+    }
+
+    /// The frame that local directions refer to.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// The arrangement of the samples.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// The samples themselves.
+    pub fn bundle(&self) -> &Bundle {
+        &self.bundle
+    }
+
+    /// Ω_k = 1/(N p_k), the solid angle that sample `k` stands for.
+    #[inline]
+    fn solid_angle(&self, k: usize) -> f32 {
+        1.0 / (self.bundle.len() as f32 * self.bundle.pdf[k])
+    }
+}

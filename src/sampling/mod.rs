@@ -1,1 +1,85 @@
-//! sampling.
+//! Random numbers that depend on counters alone, low-discrepancy points, and warps with their densities and inverses.
+
+mod sampler;
+mod warp;
+
+pub use sampler::Sampler;
+pub use warp::{cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square, square_to_cosine_hemisphere, square_to_disk};
+
+/// Mixes the bits of `x`: every input bit changes about half of the output bits. A bijection on 64 bits (the finaliser of SplitMix64
+/// [Steele14]).
+#[inline]
+pub fn mix(x: u64) -> u64 {
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// A hash of a sequence of words, for seeds: `hash(&[pixel, depth, seed])`.
+#[inline]
+pub fn hash(words: &[u64]) -> u64 {
+    words
+        .iter()
+        .fold(0x9e37_79b9_7f4a_7c15, |h, &w| mix(h ^ w.wrapping_mul(0xd6e8_feb8_6659_fd93)).wrapping_add(0x9e37_79b9_7f4a_7c15))
+}
+
+/// The upper 24 bits of `x` as a number in [0, 1).
+#[inline]
+pub fn unit_f32(x: u32) -> f32 {
+    (x >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
+/// A random stream that is a pure function of its seed (SplitMix64).
+#[derive(Clone, Debug)]
+pub struct Rng {
+    state: u64,
+}
+
+impl Rng {
+    /// The stream of `seed`.
+    pub fn new(seed: u64) -> Self {
+        Self { state: seed }
+    }
+
+    /// The next 64 bits.
+    #[inline]
+    pub fn next_u64(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        mix(self.state)
+    }
+
+    /// The next number, uniform in [0, 1).
+    #[inline]
+    pub fn next_f32(&mut self) -> f32 {
+        unit_f32((self.next_u64() >> 32) as u32)
+    }
+
+    /// Two independent numbers, uniform in [0, 1).
+    #[inline]
+    pub fn next_2d(&mut self) -> crate::math::Vec2 {
+        let x = self.next_u64();
+        crate::math::Vec2::new(unit_f32(x as u32), unit_f32((x >> 32) as u32))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_are_uniform_and_seeds_independent() {
+        let mut sum = 0.0;
+        let mut cross = 0.0;
+        let n = 100_000;
+        let (mut a, mut b) = (Rng::new(hash(&[1, 2])), Rng::new(hash(&[2, 1])));
+        for _ in 0..n {
+            let (x, y) = (a.next_f32(), b.next_2d().x);
+            assert!((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y));
+            sum += f64::from(x);
+            cross += (f64::from(x) - 0.5) * (f64::from(y) - 0.5);
+        }
+        // Standard errors 9e-4 and 2.6e-4: both bounds are beyond 4 sigma, false alarms below 1e-4.
+        assert!((sum / f64::from(n) - 0.5).abs() < 4e-3);
+        assert!((cross / f64::from(n)).abs() < 1.2e-3);
+    }
+}

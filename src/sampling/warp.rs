@@ -1,0 +1,87 @@
+//! Warps from the unit square, in threes: the warp, its density, its inverse.
+
+use crate::math::{INV_PI, Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
+
+/// The unit square to the unit disk, equal areas to equal areas, neighbours to neighbours (Shirley & Chiu 1997 [Shirley97]).
+#[inline]
+pub fn square_to_disk(u: Vec2) -> Vec2 {
+    let (a, b) = (2.0 * u.x - 1.0, 2.0 * u.y - 1.0);
+    let (r, phi) = if a == 0.0 && b == 0.0 {
+        (0.0, 0.0)
+    } else if a.abs() > b.abs() {
+        (a, FRAC_PI_4 * (b / a))
+    } else {
+        (b, FRAC_PI_2 - FRAC_PI_4 * (a / b))
+    };
+    let (sin, cos) = phi.sin_cos();
+    Vec2::new(r * cos, r * sin)
+}
+
+/// Inverse of [`square_to_disk`].
+pub fn disk_to_square(p: Vec2) -> Vec2 {
+    let r = p.length();
+    let mut phi = p.y.atan2(p.x);
+    if phi < -FRAC_PI_4 {
+        phi += 2.0 * std::f32::consts::PI;
+    }
+    let (a, b) = if phi < FRAC_PI_4 {
+        (r, phi * r / FRAC_PI_4)
+    } else if phi < 3.0 * FRAC_PI_4 {
+        (-(phi - FRAC_PI_2) * r / FRAC_PI_4, r)
+    } else if phi < 5.0 * FRAC_PI_4 {
+        (-r, (phi - 4.0 * FRAC_PI_4) * -r / FRAC_PI_4)
+    } else {
+        ((phi - 6.0 * FRAC_PI_4) * r / FRAC_PI_4, -r)
+    };
+    Vec2::new(0.5 * (a + 1.0), 0.5 * (b + 1.0))
+}
+
+/// The unit square to the upper hemisphere with density cos θ/π per steradian.
+#[inline]
+pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
+    let d = square_to_disk(u);
+    d.extend((1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`square_to_cosine_hemisphere`] per steradian, 0 below the horizon.
+#[inline]
+pub fn cosine_hemisphere_pdf(w: Vec3) -> f32 {
+    w.z.max(0.0) * INV_PI
+}
+
+/// Inverse of [`square_to_cosine_hemisphere`].
+pub fn cosine_hemisphere_to_square(w: Vec3) -> Vec2 {
+    disk_to_square(w.truncate())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::Rng;
+
+    #[test]
+    fn warps_invert() {
+        let mut rng = Rng::new(1);
+        for _ in 0..1000 {
+            let u = rng.next_2d();
+            assert!((disk_to_square(square_to_disk(u)) - u).length() < 1e-5, "{u}");
+            assert!((cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)) - u).length() < 1e-5, "{u}");
+        }
+    }
+
+    #[test]
+    fn the_cosine_density_is_the_one_stated() {
+        // E[1/p over the directions above 60 degrees elevation] is their solid angle, 2 pi (1 - cos 30 deg).
+        let mut rng = Rng::new(2);
+        let n = 200_000;
+        let sum: f64 = (0..n)
+            .map(|_| square_to_cosine_hemisphere(rng.next_2d()))
+            .filter(|w| w.z > 0.75_f32.sqrt())
+            .map(|w| 1.0 / f64::from(cosine_hemisphere_pdf(w)))
+            .sum();
+        let expected = 2.0 * std::f64::consts::PI * (1.0 - 0.75_f64.sqrt());
+        // Standard error 0.0034: beyond 5 sigma.
+        assert!((sum / f64::from(n) - expected).abs() < 0.018, "{} {expected}", sum / f64::from(n));
+    }
+}
