@@ -1,1 +1,88 @@
-//! cache.
+//! Irradiance caching: records, the schemes that place and use them, their index, and the filling of the levels.
+//!
+//! The life of a record: the fill finds a shading point that no record covers ([`fill`](Cache::fill)), casts a [gather](crate::gather) there, makes a [`Record`] from it
+//! (value, error, gradients, length R_i), shortens R_i to fit its neighbours, and puts it into the [`Index`] that lookups read. Levels are filled from the deepest
+//! to the first, so a gather reads only finished caches.
+
+mod envelope;
+mod fill;
+mod index;
+mod record;
+mod scheme;
+
+pub use envelope::{Envelope, Nearest};
+pub use fill::{FillStats, LevelPoints};
+pub use index::{Answer, Index};
+pub use record::{Reach, Record};
+pub use scheme::{Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};
+
+use crate::gather::Deeper;
+use crate::geometry::SurfacePoint;
+use crate::math::Color;
+
+/// The records of one level and their index.
+pub struct Level {
+    records: Vec<Record>,
+    index: Index,
+}
+
+impl Level {
+    /// The records; their positions in the slice are their ids, in the order in which they were made.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// The index over them.
+    pub fn index(&self) -> &Index {
+        &self.index
+    }
+
+    /// Bytes that records and index occupy.
+    pub fn bytes(&self) -> usize {
+        self.records.len() * size_of::<Record>() + self.index.bytes()
+    }
+}
+
+/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k bounces behind that.
+pub struct Cache {
+    scheme: Scheme,
+    scene_size: f32,
+    /// `None` until the level is filled.
+    levels: Vec<Option<Level>>,
+}
+
+impl Cache {
+    /// An empty cache with `levels` levels, at most the scheme's own, for a scene whose diagonal is `scene_size`.
+    pub fn new(scheme: Scheme, levels: u8, scene_size: f32) -> Self {
+        let levels = (0..levels.min(scheme.levels)).map(|_| None).collect();
+        Self { scheme, scene_size, levels }
+    }
+
+    /// The scheme.
+    pub fn scheme(&self) -> &Scheme {
+        &self.scheme
+    }
+
+    /// Number of levels, filled or not.
+    pub fn level_count(&self) -> u8 {
+        self.levels.len() as u8
+    }
+
+    /// A level, if it exists and is filled.
+    pub fn level(&self, level: u8) -> Option<&Level> {
+        self.levels.get(usize::from(level))?.as_ref()
+    }
+
+    /// Irradiance of indirect light at a point of `level` from the records with ids below `limit`.
+    #[inline]
+    pub fn lookup(&self, level: u8, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+        self.level(level)?.index.lookup(at, limit)
+    }
+}
+
+impl Deeper for Cache {
+    #[inline]
+    fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color> {
+        self.lookup(level, at, u32::MAX).map(|a| a.irradiance)
+    }
+}

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
 /// How the strata of a hemisphere are arranged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// `m` rings of equal weight times `n` sectors; sample `j * n + k` lies in ring j (from the pole) and sector k. The gradient of Ward and Heckbert needs it; `n ≈ π m` makes
     /// the strata about square.
@@ -25,6 +25,7 @@ pub enum Layout {
 
 /// The density of directions over the hemisphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Density {
     /// cos θ/π per steradian.
     Cosine,

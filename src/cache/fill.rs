@@ -1,0 +1,213 @@
+//! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
+
+use super::{Cache, Envelope, Index, Level, Reach, Record};
+use crate::error::{Error, Result};
+use crate::gather::{HemisphereSamples, RadianceProbe};
+use crate::geometry::SurfacePoint;
+use crate::math::Vec3;
+use crate::progress::Progress;
+use crate::sampling::hash;
+use rayon::prelude::*;
+
+/// The shading points of one level, in the order in which they are to be visited.
+pub struct LevelPoints {
+    /// The points.
+    pub points: Vec<SurfacePoint>,
+    /// Points per round: a number, or 0 for rounds that start small and grow fourfold.
+    pub round: usize,
+}
+
+/// What the filling of one level did.
+#[derive(Clone, Debug, Default)]
+pub struct FillStats {
+    /// Rays of all gathers, without what the probe traced behind them.
+    pub gather_rays: u64,
+    /// Questions put to the index.
+    pub lookups: u64,
+    /// Those that found a record.
+    pub hits: u64,
+    /// Records made anew away from an edge because they had missed what two neighbours saw.
+    pub retaken: u64,
+    /// For each point, the number of records that existed when its round ended.
+    pub births: Vec<u32>,
+}
+
+/// Size of the first growing round.
+const FIRST_ROUND: usize = 64;
+/// Two candidates of one round conflict within this share of their expected radius.
+const CONFLICT: f32 = 0.7;
+/// Fewest records that one pass over the candidates may make.
+const BATCH: usize = 256;
+/// A record whose R_i exceeds this multiple of what two neighbours allow has missed what they saw.
+const LEAK: f32 = 4.0;
+
+/// One level while it fills.
+struct Filling<'a> {
+    cache: &'a Cache,
+    probe: &'a dyn RadianceProbe,
+    level: u8,
+    seed: u64,
+    reach: Reach,
+    records: Vec<Record>,
+    index: Index,
+    envelope: Envelope,
+    stats: FillStats,
+}
+
+impl Cache {
+    /// Makes records until every point of `points` on `level` is covered. Deeper levels must be filled already, if the gathers are to use them.
+    ///
+    /// The same arguments give the same records on any number of threads.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`]; the level stays empty then.
+    pub fn fill(
+        &mut self,
+        probe: &dyn RadianceProbe,
+        level: u8,
+        points: &LevelPoints,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<FillStats> {
+        let mut filling = Filling::new(self, probe, level, seed);
+        let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
+        while begin < points.points.len() {
+            let end = points.points.len().min(begin + round);
+            filling.round(&points.points[begin..end], progress)?;
+            let births = filling.records.len() as u32;
+            filling.stats.births.resize(end, births);
+            begin = end;
+            if points.round == 0 {
+                round *= 4;
+            }
+        }
+        let Filling { records, stats, .. } = filling;
+        self.levels[usize::from(level)] = Some(self.finish(level, records));
+        Ok(stats)
+    }
+
+    /// The finished level of `records`: their index with the reach that shading uses.
+    fn finish(&self, level: u8, records: Vec<Record>) -> Level {
+        let reach = Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing);
+        let index = self.index(&records, reach);
+        Level { records, index }
+    }
+
+    fn index(&self, records: &[Record], reach: Reach) -> Index {
+        Index::build(records, reach, self.scheme.weight, self.scheme.in_front_test, self.scene_size)
+    }
+}
+
+impl<'a> Filling<'a> {
+    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64) -> Self {
+        let reach = Reach::new(&cache.scheme, level, cache.scene_size, 1.0);
+        Self {
+            cache,
+            probe,
+            level,
+            seed: hash(&[seed, u64::from(level)]),
+            reach,
+            records: Vec::new(),
+            index: cache.index(&[], reach),
+            envelope: Envelope::build(std::iter::empty()),
+            stats: FillStats::default(),
+        }
+    }
+
+    /// Covers `points`: again and again the uncovered ones are found, some far enough from each other are given records, in parallel, until none is left.
+    fn round(&mut self, points: &[SurfacePoint], progress: &Progress) -> Result<()> {
+        let mut pending: Vec<u32> = (0..points.len() as u32).collect();
+        loop {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let before = pending.len();
+            pending = pending.into_par_iter().filter(|&i| !self.index.covers(&points[i as usize])).collect();
+            self.stats.lookups += before as u64;
+            self.stats.hits += (before - pending.len()) as u64;
+            progress.advance((before - pending.len()) as u64);
+            if pending.is_empty() {
+                return Ok(());
+            }
+            let chosen = self.choose(points, &pending);
+            self.make_records(points, &chosen);
+            // A point that was given a record is done, whatever the index says of it.
+            pending.retain(|i| chosen.binary_search(i).is_err());
+            self.stats.hits += chosen.len() as u64;
+            progress.advance(chosen.len() as u64);
+        }
+    }
+
+    /// A maximal set of candidates none of which is likely to be covered by the record of another, in ascending order: earlier points go first.
+    fn choose(&self, points: &[SurfacePoint], pending: &[u32]) -> Vec<u32> {
+        let most = BATCH.max(self.records.len() / 2);
+        let mut chosen = Vec::new();
+        let mut discs: Vec<(Vec3, Vec3, f32)> = Vec::new();
+        for &i in pending {
+            let p = &points[i as usize];
+            // R can be no longer than the envelope of its neighbours, so this radius is an upper bound where neighbours exist.
+            let (radius, _) = self.reach.radius(self.envelope.value(p.position), p.footprint);
+            let free = discs.iter().all(|&(x, n, r)| {
+                let limit = CONFLICT * r.min(radius);
+                (x - p.position).length_squared() >= limit * limit || n.dot(p.frame.n) < 0.7
+            });
+            if free {
+                discs.push((p.position, p.frame.n, radius));
+                chosen.push(i);
+                if chosen.len() == most {
+                    break;
+                }
+            }
+        }
+        chosen
+    }
+
+    fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
+        let made: Vec<(Record, bool)> =
+            chosen.par_iter().map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize])).collect();
+        let rays = self.cache.scheme.layout(self.level).rays() as u64;
+        for (record, retaken) in made {
+            self.stats.gather_rays += rays * (1 + u64::from(retaken));
+            self.stats.retaken += u64::from(retaken);
+            self.records.push(record);
+        }
+        self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
+        if self.cache.scheme.neighbour_clamp {
+            let envelope = &self.envelope;
+            self.records.par_iter_mut().for_each(|r| r.length = envelope.value(r.position));
+        }
+        self.index = self.cache.index(&self.records, self.reach);
+    }
+
+    fn samples(&self) -> HemisphereSamples {
+        let scheme = &self.cache.scheme;
+        HemisphereSamples::new(scheme.layout(self.level), scheme.density)
+    }
+
+    /// The record of a gather at `at`, and whether it had to be taken again.
+    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> (Record, bool) {
+        let record = self.gather(samples, at);
+        if !self.cache.scheme.neighbour_clamp {
+            return (record, false);
+        }
+        // Rays that slip through a crack beside the point see too far. Two neighbours that see much nearer things give it away; the gather is repeated a little
+        // towards them, inside the surface that they share [Krivanek06, Sec. 5.2].
+        let neighbours = self.envelope.lowest_two(at.position);
+        if record.length_unclamped <= LEAK * neighbours[1].value {
+            return (record, false);
+        }
+        let [a, b] = neighbours.map(|n| self.records[n.id as usize].position);
+        let towards = 0.5 * (a + b) - at.position;
+        let tangential = towards - at.ng * at.ng.dot(towards);
+        let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
+        let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
+        (self.gather(samples, &moved), true)
+    }
+
+    fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {
+        let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
+        let seed = hash(&[self.seed, p[0], p[1], p[2]]);
+        samples.gather(self.probe, at, self.level, self.cache, seed);
+        Record::new(&self.cache.scheme, at, samples)
+    }
+}

@@ -1,0 +1,203 @@
+//! The spatial index of records: an octree whose leaves list every record that may be valid in them.
+
+use super::record::{Reach, Record};
+use super::scheme::Weight;
+use crate::geometry::{Aabb, SurfacePoint};
+use crate::math::{Color, Mat3, Vec3};
+
+/// What the search reads of a record, kept once for each leaf that lists it.
+#[derive(Clone, Copy)]
+struct Entry {
+    position: Vec3,
+    inverse_radius: f32,
+    normal: Vec3,
+    id: u32,
+}
+
+/// What extrapolation reads of a record.
+#[derive(Clone, Copy)]
+struct Payload {
+    irradiance: Color,
+    rotation: Mat3,
+    translation: Mat3,
+}
+
+/// A node of the octree: eight children in a row, or a leaf's range of entries.
+#[derive(Clone, Copy)]
+enum Node {
+    Inner(u32),
+    Leaf { first: u32, count: u32 },
+}
+
+/// Leaves with this many records or fewer are not split.
+const LEAF: usize = 6;
+/// Deepest level of the tree.
+const MAX_DEPTH: u32 = 20;
+
+/// An immutable snapshot of the records of one level, ready for lookups from any thread.
+pub struct Index {
+    center: Vec3,
+    half: f32,
+    nodes: Vec<Node>,
+    entries: Vec<Entry>,
+    payloads: Vec<Payload>,
+    reach: Reach,
+    normal_scale: f32,
+    weight: Weight,
+    in_front_test: bool,
+    tolerance: f32,
+}
+
+/// Interpolated irradiance.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer {
+    /// Weighted mean of the extrapolated records.
+    pub irradiance: Color,
+    /// Weighted mean of their errors as a share of the allowed one, in [0, 1).
+    pub error: f32,
+    /// Number of records that took part.
+    pub records: u32,
+}
+
+impl Index {
+    /// Indexes `records`; a record's number in the slice is its id.
+    pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
+        let mut payloads = Vec::with_capacity(records.len());
+        let mut all = Vec::with_capacity(records.len());
+        let mut bounds = Aabb::EMPTY;
+        for (id, r) in records.iter().enumerate() {
+            let (radius, gradient_scale) = reach.radius(r.length, r.footprint);
+            all.push(Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32 });
+            payloads.push(Payload {
+                irradiance: r.irradiance,
+                rotation: r.rotation,
+                translation: r.translation * gradient_scale,
+            });
+            bounds = bounds.with(r.position - radius).with(r.position + radius);
+        }
+        let (center, half) = if bounds.is_empty() {
+            (Vec3::ZERO, 0.0)
+        } else {
+            (bounds.center(), 0.5 * (bounds.max - bounds.min).max_element() * 1.0001)
+        };
+        let mut index = Self {
+            center,
+            half,
+            nodes: vec![Node::Leaf { first: 0, count: 0 }],
+            entries: Vec::new(),
+            payloads,
+            reach,
+            normal_scale: reach.normal_scale(),
+            weight,
+            in_front_test,
+            tolerance: 1e-4 * scene_size,
+        };
+        if !all.is_empty() {
+            index.split(0, all, center, half, 0);
+        }
+        index
+    }
+
+    fn split(&mut self, node: usize, list: Vec<Entry>, center: Vec3, half: f32, depth: u32) {
+        // A cell much smaller than its records would only repeat its parent's list.
+        let widest = list.iter().map(|e| e.inverse_radius).fold(f32::INFINITY, f32::min);
+        if list.len() <= LEAF || depth == MAX_DEPTH || half * widest < 0.25 {
+            self.nodes[node] = Node::Leaf { first: self.entries.len() as u32, count: list.len() as u32 };
+            self.entries.extend(list);
+            return;
+        }
+        let first = self.nodes.len();
+        self.nodes.extend([Node::Leaf { first: 0, count: 0 }; 8]);
+        self.nodes[node] = Node::Inner(first as u32);
+        for octant in 0..8 {
+            let sign = |bit: usize| if octant & bit != 0 { 0.5 } else { -0.5 };
+            let c = center + half * Vec3::new(sign(1), sign(2), sign(4));
+            let inside = list
+                .iter()
+                .filter(|e| ((e.position - c).abs() - 0.5 * half).max(Vec3::ZERO).length() * e.inverse_radius <= 1.0)
+                .copied()
+                .collect();
+            self.split(first + octant, inside, c, 0.5 * half, depth + 1);
+        }
+    }
+
+    /// The entries of the leaf that contains `p`.
+    #[inline]
+    fn leaf(&self, p: Vec3) -> &[Entry] {
+        let mut offset = p - self.center;
+        if offset.abs().max_element() > self.half {
+            return &[];
+        }
+        let (mut node, mut half) = (0, self.half);
+        loop {
+            match self.nodes[node] {
+                Node::Leaf { first, count } => return &self.entries[first as usize..(first + count) as usize],
+                Node::Inner(first) => {
+                    let up = offset.cmpge(Vec3::ZERO);
+                    node = first as usize + up.bitmask() as usize;
+                    half *= 0.5;
+                    offset -= Vec3::select(up, Vec3::splat(half), Vec3::splat(-half));
+                }
+            }
+        }
+    }
+
+    /// Calls `visit(entry, error, n_i × n is left to the caller)` for every record valid at `at`.
+    #[inline]
+    fn valid(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(&Entry, f32)) {
+        let n = at.frame.n;
+        for e in self.leaf(at.position) {
+            let offset = at.position - e.position;
+            let d2 = offset.length_squared();
+            let cosine = n.dot(e.normal);
+            if d2 * e.inverse_radius * e.inverse_radius >= 1.0 || cosine <= 0.0 || e.id >= limit {
+                continue;
+            }
+            let d = d2.sqrt();
+            let error = self.reach.relative_error(d, e.inverse_radius, cosine, self.normal_scale);
+            if error >= 1.0 {
+                continue;
+            }
+            // A record in front of the point may see light that its surface keeps from the point.
+            if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
+                continue;
+            }
+            visit(e, error);
+        }
+    }
+
+    /// True if some record is valid at `at`.
+    pub fn covers(&self, at: &SurfacePoint) -> bool {
+        let mut covered = false;
+        self.valid(at, u32::MAX, |_, _| covered = true);
+        covered
+    }
+
+    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
+    /// [WardHeckbert92]. `None` where no record is valid.
+    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+        let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
+        self.valid(at, limit, |e, error| {
+            let w = match self.weight {
+                // The bound keeps a point on a record finite; the record then outweighs all others.
+                Weight::Inverse => 1.0 / error.max(1e-6),
+                Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
+                Weight::Hat => 1.0 - error,
+            };
+            let p = &self.payloads[e.id as usize];
+            let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * (at.position - e.position);
+            sum += w * value.max(Color::ZERO);
+            weights += w;
+            errors += w * error;
+            records += 1;
+        });
+        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records })
+    }
+
+    /// Bytes that the index occupies.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>()
+            + self.entries.len() * size_of::<Entry>()
+            + self.payloads.len() * size_of::<Payload>()
+    }
+}

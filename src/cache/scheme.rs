@@ -1,0 +1,385 @@
+//! A caching scheme as plain data, and the published ones as rows of a table.
+
+use crate::error::{Error, Result};
+use crate::gather::{Density, Layout, TranslationalGradient};
+use serde::{Deserialize, Serialize};
+
+/// The length R_i from which a record's radius of validity is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Metric {
+    /// Harmonic mean of the distances [Ward88].
+    Harmonic,
+    /// Smallest distance.
+    Minimum,
+    /// Smallest distance over the rays more than 10° above the tangent plane [Tabellion04].
+    MinimumRestricted,
+}
+
+/// How the error of using a record elsewhere is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// `|x - x_i|/R_i + sqrt(1 - n·n_i)`, valid below `error` [Ward88].
+    Ward,
+    /// `max(|x - x_i|/(R_i/2), sqrt(1 - n·n_i)/sqrt(1 - cos 10°))`, valid below `error` [Tabellion04, Eq. 3-5].
+    Tabellion,
+}
+
+/// How valid records are weighed, as a function of e, their error as a share of the allowed one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weight {
+    /// `1/e` [Ward88]: jumps where a record ends.
+    Inverse,
+    /// `1/e - 1`: continuous where a record ends.
+    InverseMinusOne,
+    /// `1 - e`: continuous and bounded.
+    Hat,
+}
+
+/// In which order the shading points of the image are visited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Order {
+    /// Row by row.
+    Scanline,
+    /// A coarse grid of pixels first, then ever finer ones.
+    CoarseToFine,
+    /// Scattered over the whole image from the start.
+    Hashed,
+}
+
+/// Which kind of stratification the gather uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Strata {
+    /// Rings and sectors: see [`Layout::Polar`].
+    Polar,
+    /// Concentric squares: see [`Layout::Concentric`].
+    Concentric,
+}
+
+/// Every choice that makes one published caching scheme differ from another. Each field can be set by its name: see [`Scheme::set`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scheme {
+    /// Arrangement of the gather's strata.
+    pub strata: Strata,
+    /// Density of the gather's rays.
+    pub density: Density,
+    /// Rays per record on the first level.
+    pub rays: u32,
+    /// Factor on `rays` from one level to the next deeper one.
+    pub deeper_rays: f32,
+    /// What R_i is.
+    pub metric: Metric,
+    /// Upper bound of R_i: the mean distance of this nearest fraction of the rays, times `nearest_scale`; 0 switches it off.
+    pub nearest_fraction: f32,
+    /// See `nearest_fraction`.
+    pub nearest_scale: f32,
+    /// The error measure.
+    pub kernel: Kernel,
+    /// The weights of valid records.
+    pub weight: Weight,
+    /// The allowed error: a of [Ward88], 1/κ of [Tabellion04].
+    pub error: f32,
+    /// Factor on `error` from one level to the next deeper one.
+    pub deeper_error: f32,
+    /// Factor on `error` once a level is filled, so that each point sees several records; 1 changes nothing.
+    pub smoothing: f32,
+    /// Extrapolate along the normal's rotation.
+    pub rotational_gradient: bool,
+    /// Extrapolate along the position's translation.
+    pub translational_gradient: TranslationalGradient,
+    /// Bound R_i by `E/|∇E|` [Krivanek06, Eq. 2].
+    pub gradient_clamp: bool,
+    /// Bound R_i by `R_j + |x_i - x_j|` for all records j [Krivanek06, Sec. 5.3].
+    pub neighbour_clamp: bool,
+    /// Smallest radius of validity in pixels, 0 for none.
+    pub min_pixels: f32,
+    /// Largest radius of validity in pixels, 0 for none.
+    pub max_pixels: f32,
+    /// Largest radius of validity as a share of the scene's diagonal.
+    pub max_radius: f32,
+    /// Reject records that lie in front of the point.
+    pub in_front_test: bool,
+    /// Levels with a cache of their own: 1 caches what the camera sees, 2 also the points that light reaches those from, and so on. Light from beyond is path traced.
+    pub levels: u8,
+    /// 1: each point is shaded by the records that exist when its round ends; 2: the cache is filled first, then everything is shaded by it.
+    pub passes: u8,
+    /// Order of the shading points.
+    pub order: Order,
+}
+
+/// A named scheme.
+pub struct Preset {
+    /// What users type.
+    pub name: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+    /// What is particular about it.
+    pub summary: &'static str,
+    scheme: fn() -> Scheme,
+}
+
+impl Preset {
+    /// The preset called `name`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] listing the names there are.
+    pub fn by_name(name: &str) -> Result<&'static Self> {
+        PRESETS.iter().find(|p| p.name == name).ok_or_else(|| {
+            let names: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
+            Error::InvalidArgument(format!("there is no preset `{name}`; the presets are {}", names.join(", ")))
+        })
+    }
+
+    /// Its scheme.
+    pub fn scheme(&self) -> Scheme {
+        (self.scheme)()
+    }
+}
+
+/// What the published schemes have in common; rows below say how they differ.
+fn ward88() -> Scheme {
+    Scheme {
+        strata: Strata::Polar,
+        density: Density::Cosine,
+        rays: 1024,
+        deeper_rays: 0.25,
+        metric: Metric::Harmonic,
+        nearest_fraction: 0.0,
+        nearest_scale: 1.0,
+        kernel: Kernel::Ward,
+        weight: Weight::Inverse,
+        error: 0.15,
+        deeper_error: 1.5,
+        smoothing: 1.0,
+        rotational_gradient: false,
+        translational_gradient: TranslationalGradient::None,
+        gradient_clamp: false,
+        neighbour_clamp: false,
+        min_pixels: 1.5,
+        max_pixels: 0.0,
+        max_radius: 0.1,
+        in_front_test: true,
+        levels: 3,
+        passes: 1,
+        order: Order::Scanline,
+    }
+}
+
+fn ward_heckbert92() -> Scheme {
+    Scheme {
+        error: 0.25,
+        rotational_gradient: true,
+        translational_gradient: TranslationalGradient::WardHeckbert,
+        gradient_clamp: true,
+        passes: 2,
+        order: Order::Hashed,
+        ..ward88()
+    }
+}
+
+fn tabellion04() -> Scheme {
+    Scheme {
+        metric: Metric::MinimumRestricted,
+        kernel: Kernel::Tabellion,
+        weight: Weight::Hat,
+        error: 1.0,
+        deeper_error: 1.0,
+        smoothing: 2.0,
+        rotational_gradient: true,
+        min_pixels: 1.5,
+        max_pixels: 10.0,
+        passes: 2,
+        order: Order::CoarseToFine,
+        ..ward88()
+    }
+}
+
+fn scotty3d() -> Scheme {
+    Scheme {
+        rays: 64,
+        deeper_rays: 1.0,
+        metric: Metric::Minimum,
+        kernel: Kernel::Tabellion,
+        weight: Weight::Hat,
+        error: 1.0,
+        deeper_error: 1.0,
+        rotational_gradient: true,
+        min_pixels: 1.5,
+        max_pixels: 10.0,
+        passes: 2,
+        order: Order::Scanline,
+        ..ward88()
+    }
+}
+
+fn auto() -> Scheme {
+    Scheme {
+        weight: Weight::Hat,
+        neighbour_clamp: true,
+        nearest_fraction: 0.02,
+        nearest_scale: 4.0,
+        smoothing: 1.5,
+        ..ward_heckbert92()
+    }
+}
+
+/// Every preset, in the order of publication, ours last.
+pub const PRESETS: &[Preset] = &[
+    Preset {
+        name: "ward88",
+        source: "Ward et al. 1988",
+        summary: "split sphere, harmonic mean distance, no gradients, one pass",
+        scheme: ward88,
+    },
+    Preset {
+        name: "ward-heckbert92",
+        source: "Ward & Heckbert 1992",
+        summary: "ward88 with rotational and translational gradients",
+        scheme: ward_heckbert92,
+    },
+    Preset {
+        name: "tabellion04",
+        source: "Tabellion & Lamorlette 2004",
+        summary: "minimum distance, their error measure and pixel limits, coarse to fine, smoothed",
+        scheme: tabellion04,
+    },
+    Preset {
+        name: "scotty3d",
+        source: "Das & Hazan",
+        summary: "8 x 8 rays, minimum distance, rotational gradient, a cache per depth, two passes",
+        scheme: scotty3d,
+    },
+    Preset {
+        name: "auto",
+        source: "Lumicache",
+        summary: "ward-heckbert92 with neighbour clamping, bounded radii and smooth weights (default)",
+        scheme: auto,
+    },
+];
+
+impl Scheme {
+    /// The layout of a gather on `level`.
+    pub fn layout(&self, level: u8) -> Layout {
+        let rays = (self.rays as f32 * self.deeper_rays.powi(i32::from(level))).round().max(16.0) as u32;
+        match self.strata {
+            // The 8 x 8 of scotty3d and other small squares are kept as they were published.
+            Strata::Polar if rays == 64 => Layout::Polar { m: 8, n: 8 },
+            Strata::Polar => Layout::polar(rays),
+            Strata::Concentric => Layout::concentric(rays),
+        }
+    }
+
+    /// The allowed error on `level` while it is being filled.
+    pub fn error_at(&self, level: u8) -> f32 {
+        self.error * self.deeper_error.powi(i32::from(level))
+    }
+
+    /// Sets the field called `key` to `value`, written as in the output of `lumicache presets`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] naming the field and what it takes; the scheme is unchanged then.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
+        let serde_json::Value::Object(mut fields) = serde_json::to_value(&*self).expect("a scheme is plain data") else {
+            unreachable!("a scheme serialises to an object")
+        };
+        if !fields.contains_key(key) {
+            let names: Vec<_> = fields.keys().map(String::as_str).collect();
+            return Err(Error::InvalidArgument(format!("there is no setting `{key}`; the settings are {}", names.join(", "))));
+        }
+        let value = serde_json::from_str(value).unwrap_or_else(|_| serde_json::Value::String(value.to_owned()));
+        fields.insert(key.to_owned(), value);
+        let changed: Self = serde_json::from_value(serde_json::Value::Object(fields))
+            .map_err(|e| Error::InvalidArgument(format!("setting `{key}`: {e}")))?;
+        changed.check()?;
+        *self = changed;
+        Ok(())
+    }
+
+    /// Checks that the fields are in their ranges and go together.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] naming the first that is not.
+    pub fn check(&self) -> Result<()> {
+        let fail = |what: &str| Err(Error::InvalidArgument(what.to_owned()));
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        let not_negative = |x: f32| x.is_finite() && x >= 0.0;
+        if !(16..=1_000_000).contains(&self.rays) {
+            return fail("setting `rays` must be between 16 and 1000000");
+        }
+        if !(positive(self.deeper_rays) && self.deeper_rays <= 4.0) {
+            return fail("setting `deeper_rays` must be above 0 and at most 4");
+        }
+        for (name, value) in [("error", self.error), ("deeper_error", self.deeper_error), ("nearest_scale", self.nearest_scale)] {
+            if !positive(value) {
+                return fail(&format!("setting `{name}` must be above 0"));
+            }
+        }
+        if !(self.smoothing >= 1.0 && self.smoothing <= 10.0) {
+            return fail("setting `smoothing` must be between 1 and 10");
+        }
+        for (name, value) in
+            [("min_pixels", self.min_pixels), ("max_pixels", self.max_pixels), ("nearest_fraction", self.nearest_fraction)]
+        {
+            if !not_negative(value) {
+                return fail(&format!("setting `{name}` must not be negative"));
+            }
+        }
+        if self.nearest_fraction > 1.0 {
+            return fail("setting `nearest_fraction` must be at most 1");
+        }
+        if !(positive(self.max_radius) && self.max_radius <= 1.0) {
+            return fail("setting `max_radius` must be above 0 and at most 1");
+        }
+        if self.max_pixels > 0.0 && self.max_pixels < self.min_pixels {
+            return fail("setting `max_pixels` must not be below `min_pixels`");
+        }
+        if !(1..=16).contains(&self.levels) {
+            return fail("setting `levels` must be between 1 and 16");
+        }
+        if !(1..=2).contains(&self.passes) {
+            return fail("setting `passes` must be 1 or 2");
+        }
+        if self.translational_gradient == TranslationalGradient::WardHeckbert
+            && (self.strata, self.density) != (Strata::Polar, Density::Cosine)
+        {
+            return fail("the translational gradient `ward-heckbert` needs strata `polar` and density `cosine`");
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_is_sound() {
+        for preset in PRESETS {
+            preset.scheme().check().unwrap();
+            assert_eq!(Preset::by_name(preset.name).unwrap().name, preset.name);
+        }
+        assert!(Preset::by_name("nonsense").is_err());
+    }
+
+    #[test]
+    fn settings_go_by_name_and_bad_ones_change_nothing() {
+        let mut scheme = Preset::by_name("tabellion04").unwrap().scheme();
+        scheme.set("error", "0.5").unwrap();
+        scheme.set("metric", "harmonic").unwrap();
+        scheme.set("neighbour_clamp", "true").unwrap();
+        assert_eq!((scheme.error, scheme.metric, scheme.neighbour_clamp), (0.5, Metric::Harmonic, true));
+        let before = scheme.clone();
+        for (key, value) in
+            [("error", "-1"), ("error", "much"), ("metric", "mean"), ("nothing", "1"), ("rays", "1"), ("rays", "1e99")]
+        {
+            let error = scheme.set(key, value).unwrap_err().to_string();
+            assert!(error.contains(key), "{error}");
+        }
+        assert_eq!(scheme, before);
+    }
+}
