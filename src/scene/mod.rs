@@ -1,5 +1,9 @@
 //! The immutable world that rays are traced in.
 
+mod world;
+
+pub use world::Scene;
+
 use crate::camera::Camera;
 use crate::geometry::Geometry;
 use crate::light::{EnvironmentMap, PunctualLight};

@@ -1,0 +1,282 @@
+//! Unidirectional path tracing with next-event estimation and multiple importance sampling.
+
+use super::Radiance;
+use crate::accel::Ray;
+use crate::gather::Deeper;
+use crate::geometry::SurfacePoint;
+use crate::light::{LightSample, LightSource};
+use crate::material::{Bsdf, BsdfSample, Lobe};
+use crate::math::{Color, Frame, INV_PI, Vec3};
+use crate::sampling::Sampler;
+use crate::scene::Scene;
+
+/// Paths this short are never ended by Russian roulette.
+const ROULETTE_AFTER: u32 = 4;
+/// Highest probability of survival in Russian roulette.
+const MAX_SURVIVAL: f32 = 0.98;
+/// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect mirrors.
+const LONGEST_PATH: u32 = 4096;
+
+/// Traces light paths through a scene.
+#[derive(Clone, Copy)]
+pub struct PathTracer<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Most surface interactions after the camera hit, `u32::MAX` for no bound.
+    pub max_bounces: u32,
+}
+
+/// A path that is already under way.
+pub struct Start {
+    /// Surface interactions that lie behind, the camera hit not counted.
+    pub bounces: u32,
+    /// Density per steradian with which the direction was sampled, infinite if no light sampling could have chosen it.
+    pub pdf: f32,
+    /// Where the direction was sampled, for the density of light sampling.
+    pub origin: SurfacePoint,
+    /// Light found by the first ray is left out: somebody else accounts for it.
+    pub skip_emission: bool,
+}
+
+/// Which lobes the path goes on by, beside the light samples taken at a vertex.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sampled {
+    /// All of them.
+    Everything,
+    /// All but the diffuse one, whose indirect light a cache knows: light samples alone account for its direct light.
+    Glossy,
+}
+
+/// A vertex from which the next ray leaves.
+struct Vertex {
+    point: SurfacePoint,
+    bsdf: Bsdf,
+}
+
+/// Light that arrives directly, and light that was scattered before.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Incoming {
+    pub direct: Color,
+    pub indirect: Color,
+}
+
+/// Power heuristic with exponent 2 for a sample of density `a` that could have come with density `b` too [Veach97, Eq. 9.13].
+#[inline]
+pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
+    if a.is_infinite() {
+        return 1.0;
+    }
+    let (a2, b2) = (a * a, b * b);
+    if a2 + b2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+}
+
+impl PathTracer<'_> {
+    /// The radiance that `ray` brings to the camera, and the first surface it meets.
+    pub fn camera_ray(&self, ray: &Ray, sampler: &mut Sampler, seed: u64) -> (Radiance, Option<SurfacePoint>) {
+        let mut out = Radiance::default();
+        let Some((mut point, _)) = self.scene.intersect(ray, seed) else {
+            out.emission = self.scene.lights().environment(ray.dir);
+            return (out, None);
+        };
+        out.emission = self.scene.emission(&point);
+        let bsdf = self.scene.shade(&mut point);
+        let first = point;
+        let vertex = Vertex { point, bsdf };
+        let (diffuse, glossy) = self.direct(&vertex, sampler, seed, 0, Sampled::Everything);
+        out.diffuse_direct = diffuse;
+        out.glossy_direct = glossy;
+        if let Some((sample, next)) = self.scatter(&vertex, sampler, Sampled::Everything) {
+            let (diffuse, glossy) = split(&vertex, &sample);
+            let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.point, skip_emission: false };
+            let light = self.incoming(&next, &start, sampler, seed, None);
+            out.diffuse_direct += diffuse * light.direct;
+            out.diffuse_indirect += diffuse * light.indirect;
+            out.glossy_direct += glossy * light.direct;
+            out.glossy_indirect += glossy * light.indirect;
+        }
+        (out, Some(first))
+    }
+
+    /// The radiance that `ray` brings to the path that began as `start` says.
+    ///
+    /// `deeper` ends the path at diffuse surfaces whose indirect light a cache knows.
+    pub(super) fn incoming(
+        &self,
+        ray: &Ray,
+        start: &Start,
+        sampler: &mut Sampler,
+        seed: u64,
+        deeper: Option<&dyn Deeper>,
+    ) -> Incoming {
+        let mut light = Incoming::default();
+        let mut beta = Color::ONE;
+        let (mut ray, mut pdf, mut origin) = (*ray, start.pdf, start.origin);
+        // Interactions after the camera hit that light seen at the end of `ray` has had.
+        let mut bounces = start.bounces;
+        let mut first = true;
+        loop {
+            let hit = self.scene.intersect(&ray, seed.wrapping_add(u64::from(bounces)));
+            if !(first && start.skip_emission) {
+                let emitted = beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
+                if first {
+                    light.direct += emitted;
+                } else {
+                    light.indirect += emitted;
+                }
+            }
+            let Some((mut point, distance)) = hit else { return light };
+            if bounces >= self.max_bounces || bounces >= LONGEST_PATH {
+                return light;
+            }
+            let bsdf = self.scene.shade(&mut point);
+            beta *= self.scene.material(&point).transmittance(&point, distance);
+            let vertex = Vertex { point, bsdf };
+            bounces += 1;
+
+            // Take the diffuse lobe's indirect light from a cache where one knows it, and follow only the other lobes.
+            let level = u8::try_from(bounces).unwrap_or(u8::MAX);
+            let cached = deeper.filter(|_| bounces < self.max_bounces && vertex.bsdf.has_diffuse());
+            let cached = cached.and_then(|d| d.irradiance(level, &vertex.point));
+            let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
+            let (diffuse, glossy) = self.direct(&vertex, sampler, seed, bounces, sampled);
+            light.indirect += beta * (diffuse + glossy);
+            if let Some(irradiance) = cached {
+                let wo = vertex.point.frame.to_local(vertex.point.wo);
+                light.indirect += beta * vertex.bsdf.diffuse_albedo(wo) * irradiance * INV_PI;
+            }
+            let Some((sample, next)) = self.scatter(&vertex, sampler, sampled) else { return light };
+            beta *= sample.weight;
+            if bounces >= ROULETTE_AFTER {
+                let survival = (beta.max_element() * sample.eta * sample.eta).min(MAX_SURVIVAL);
+                if sampler.next_1d() >= survival {
+                    return light;
+                }
+                beta /= survival;
+            }
+            (ray, origin, first) = (next, vertex.point, false);
+            pdf = sample.pdf;
+        }
+    }
+
+    /// Light emitted towards the ray by what it hit, weighed against the light sampling done at `origin`.
+    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &SurfacePoint) -> Color {
+        let lights = self.scene.lights();
+        match hit {
+            None => {
+                let radiance = lights.environment(ray.dir);
+                if radiance == Color::ZERO {
+                    return radiance;
+                }
+                radiance * power_heuristic(pdf, lights.pdf_environment(origin.position, self.facing(origin), ray.dir))
+            }
+            Some((at, distance)) => {
+                let radiance = self.scene.emission(at);
+                if radiance == Color::ZERO {
+                    return radiance;
+                }
+                let facing = self.facing(origin);
+                let other =
+                    lights.pdf_triangle(origin.position, facing, at.instance, at.triangle, ray.dir, distance);
+                radiance * power_heuristic(pdf, other)
+            }
+        }
+    }
+
+    /// The normal that light sampling is told: none where light from behind counts too.
+    fn facing(&self, at: &SurfacePoint) -> Option<Vec3> {
+        (!self.scene.material(at).transmits()).then_some(at.ng)
+    }
+
+    /// Next-event estimation at a vertex: direct light leaving by the diffuse lobe and by the others, weighed against sampling the BSDF.
+    fn direct(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, bounces: u32, sampled: Sampled) -> (Color, Color) {
+        let select = sampler.next_1d();
+        let u = sampler.next_2d();
+        if v.bsdf.is_delta_only() || self.scene.lights().is_empty() {
+            return (Color::ZERO, Color::ZERO);
+        }
+        let facing = self.facing(&v.point);
+        let Some(light) = self.scene.lights().sample(v.point.position, facing, select, u) else {
+            return (Color::ZERO, Color::ZERO);
+        };
+        let Some((diffuse, glossy)) = reflected(self.scene, &v.point, &v.bsdf, &light, sampled) else {
+            return (Color::ZERO, Color::ZERO);
+        };
+        let ray = self.scene.shadow_ray(&v.point, &light);
+        if self.scene.occluded(&ray, seed ^ u64::from(bounces).rotate_left(32)) {
+            return (Color::ZERO, Color::ZERO);
+        }
+        (diffuse, glossy)
+    }
+
+    /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
+    fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
+        let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
+        let wo = v.point.frame.to_local(v.point.wo);
+        let sample = match sampled {
+            Sampled::Everything => v.bsdf.sample(wo, lobe, u),
+            Sampled::Glossy if v.bsdf.has_glossy() => v.bsdf.sample_glossy(wo, lobe, u),
+            Sampled::Glossy => None,
+        };
+        self.leave(v, sample?)
+    }
+
+    fn leave(&self, v: &Vertex, sample: BsdfSample) -> Option<(BsdfSample, Ray)> {
+        let wi = v.point.frame.to_world(sample.wi);
+        // A shading normal must not make reflected light come through the surface, nor transmitted light bounce off it.
+        let below = wi.dot(v.point.ng) <= 0.0;
+        let valid = below == sample.transmitted && sample.weight.is_finite() && sample.weight != Color::ZERO;
+        valid.then(|| (sample, self.scene.spawn(&v.point, wi)))
+    }
+}
+
+/// Splits the weight of a BSDF sample into what leaves by the diffuse lobe and by the others.
+fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
+    if sample.lobe == Lobe::Delta || !v.bsdf.has_diffuse() || sample.transmitted {
+        return (Color::ZERO, sample.weight);
+    }
+    if !v.bsdf.has_glossy() {
+        return (sample.weight, Color::ZERO);
+    }
+    let wo = v.point.frame.to_local(v.point.wo);
+    let diffuse = v.bsdf.diffuse_albedo(wo) * (INV_PI * sample.wi.z.max(0.0) / sample.pdf);
+    let diffuse = diffuse.min(sample.weight);
+    (diffuse, sample.weight - diffuse)
+}
+
+/// Light of one sample reflected at `at`, by the diffuse lobe and by the others, before occlusion, weighed against sampling the lobes that `sampled` says.
+/// `None` where nothing is reflected.
+pub(super) fn reflected(
+    scene: &Scene,
+    at: &SurfacePoint,
+    bsdf: &Bsdf,
+    light: &LightSample,
+    sampled: Sampled,
+) -> Option<(Color, Color)> {
+    let frame: &Frame = &at.frame;
+    let (wo, wi) = (frame.to_local(at.wo), frame.to_local(light.wi));
+    if (wi.z > 0.0) != (light.wi.dot(at.ng) > 0.0) {
+        return None;
+    }
+    let diffuse = if wi.z > 0.0 && bsdf.has_diffuse() { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO };
+    let glossy = if bsdf.has_glossy() { bsdf.f_glossy(wo, wi) } else { Color::ZERO };
+    if diffuse + glossy == Color::ZERO {
+        return None;
+    }
+    let mut radiance = light.radiance;
+    if let LightSource::Triangle { instance, triangle, u, v } = light.source {
+        if scene.emission_is_textured(instance) {
+            radiance = scene.emission_at(instance, triangle, u, v, light.wi);
+        }
+    }
+    let weight = |pdf: f32| if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
+    let (for_diffuse, for_glossy) = match sampled {
+        Sampled::Everything => {
+            let w = weight(bsdf.pdf(wo, wi));
+            (w, w)
+        }
+        Sampled::Glossy if bsdf.has_glossy() => (1.0, weight(bsdf.pdf_glossy(wo, wi))),
+        Sampled::Glossy => (1.0, 1.0),
+    };
+    let scale = radiance * (wi.z.abs() / light.pdf);
+    Some((diffuse * scale * for_diffuse, glossy * scale * for_glossy))
+}

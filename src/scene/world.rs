@@ -1,0 +1,248 @@
+//! A scene ready for rays.
+
+use super::SceneData;
+use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::geometry::{Aabb, Geometry, SurfacePoint, interpolate, offset_origin};
+use crate::light::{Emitter, EnvironmentMap, LightSample, Lights};
+use crate::material::{Bsdf, Material};
+use crate::math::{Color, Vec3};
+use crate::sampling::{hash, unit_f32};
+use crate::texture::Texture;
+
+/// A scene with its ray tracing structure and light sampling; immutable and shared by all threads.
+pub struct Scene {
+    geometry: Geometry,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    cameras: Vec<Camera>,
+    lights: Lights,
+    accel: Accel,
+    bounds: Aabb,
+    /// For each material: rays may pass through it by its alpha.
+    see_through: Vec<bool>,
+    any_see_through: bool,
+}
+
+/// Layers of alpha that one ray passes before it is taken to be blocked.
+const MAX_LAYERS: usize = 256;
+/// A shadow ray ends this share of its length before the light.
+const SHADOW_SHORTENING: f32 = 1e-4;
+/// Radiance of the dome that lights a scene without any light.
+const DOME: Color = Color::splat(0.8);
+
+impl Scene {
+    /// Builds the ray tracing structure and the light sampling of `data`.
+    ///
+    /// A scene without any light gets a neutral dome. The returned lines tell the user of that and of what the importer noticed.
+    ///
+    /// # Errors
+    /// Those of the ray tracing back end.
+    pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
+        let SceneData { geometry, materials, textures, punctual, mut environment, cameras, mut warnings } = data;
+        let accel = Accel::build(&geometry, backend)?;
+        let bounds = geometry.bounds();
+        let emitters = emitters(&geometry, &materials, &textures);
+        let unlit_only = !materials.is_empty() && materials.iter().all(|m| m.unlit);
+        if emitters.is_empty() && punctual.is_empty() && environment.is_none() && !unlit_only {
+            warnings.push("the scene has no light: a neutral dome lights it".to_owned());
+            environment = Some(EnvironmentMap::constant(DOME));
+        }
+        let lights = Lights::build(&geometry, emitters, punctual, environment, bounds);
+        let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
+        let any_see_through = see_through.contains(&true);
+        let scene =
+            Self { geometry, materials, textures, cameras, lights, accel, bounds, see_through, any_see_through };
+        Ok((scene, warnings))
+    }
+
+    /// Meshes and instances.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// The cameras of the file.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// The light sources.
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+
+    /// The ray tracing structure.
+    pub fn accel(&self) -> &Accel {
+        &self.accel
+    }
+
+    /// World-space bounds.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// Length of the diagonal of the bounds; 1 for an empty scene.
+    pub fn size(&self) -> f32 {
+        let d = self.bounds.diagonal();
+        if d > 0.0 { d } else { 1.0 }
+    }
+
+    /// The material at a surface point.
+    #[inline]
+    pub fn material(&self, at: &SurfacePoint) -> &Material {
+        &self.materials[at.material as usize]
+    }
+
+    /// Radiance emitted at `at` towards `at.wo`.
+    #[inline]
+    pub fn emission(&self, at: &SurfacePoint) -> Color {
+        self.material(at).emission_at(&self.textures, at)
+    }
+
+    /// True if the emission of an instance varies over its triangles.
+    #[inline]
+    pub fn emission_is_textured(&self, instance: u32) -> bool {
+        let mesh = self.geometry.instances[instance as usize].mesh;
+        self.materials[self.geometry.meshes[mesh as usize].material as usize].emission_texture.is_some()
+    }
+
+    /// Radiance emitted at barycentric coordinates of a triangle against the direction `dir`, along which it is looked at.
+    pub fn emission_at(&self, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3) -> Color {
+        self.emission(&interpolate(&self.geometry, instance, triangle, u, v, dir))
+    }
+
+    /// The BSDF at `at`; the shading frame is set to that of the normal map.
+    #[inline]
+    pub fn shade(&self, at: &mut SurfacePoint) -> Bsdf {
+        self.materials[at.material as usize].shade(&self.textures, at)
+    }
+
+    /// The surface point of a hit, seen along `dir`.
+    #[inline]
+    pub fn surface(&self, hit: &Hit, dir: Vec3) -> SurfacePoint {
+        interpolate(&self.geometry, hit.instance, hit.triangle, hit.u, hit.v, dir)
+    }
+
+    /// The ray from a surface point towards the unit direction `dir`.
+    #[inline]
+    pub fn spawn(&self, at: &SurfacePoint, dir: Vec3) -> Ray {
+        Ray { origin: offset_origin(at.position, at.ng, dir), tmin: 0.0, dir, tmax: f32::INFINITY }
+    }
+
+    /// What a ray sees first, with surfaces that alpha lets it pass left out; `seed` decides at partly transparent ones. Returns the distance too.
+    pub fn intersect(&self, ray: &Ray, seed: u64) -> Option<(SurfacePoint, f32)> {
+        self.resolve(ray, self.accel.intersect(ray), seed)
+    }
+
+    /// As [`Scene::intersect`], where the first hit on any surface is known.
+    #[inline]
+    pub fn resolve(&self, ray: &Ray, hit: Hit, seed: u64) -> Option<(SurfacePoint, f32)> {
+        if !hit.is_hit() {
+            return None;
+        }
+        let point = self.surface(&hit, ray.dir);
+        if !self.any_see_through || !self.passes(&point, &hit, seed) {
+            return Some((point, hit.t));
+        }
+        self.pass_layers(ray, point, seed)
+    }
+
+    /// Goes on behind the see-through surface at `point`.
+    #[cold]
+    fn pass_layers(&self, ray: &Ray, mut point: SurfacePoint, seed: u64) -> Option<(SurfacePoint, f32)> {
+        for _ in 0..MAX_LAYERS {
+            let mut next = self.spawn(&point, ray.dir);
+            let travelled = (next.origin - ray.origin).dot(ray.dir);
+            next.tmax = ray.tmax - travelled;
+            let hit = if next.tmax > 0.0 { self.accel.intersect(&next) } else { Hit::MISS };
+            if !hit.is_hit() {
+                return None;
+            }
+            point = self.surface(&hit, ray.dir);
+            if !self.passes(&point, &hit, seed) {
+                return Some((point, travelled + hit.t));
+            }
+        }
+        None
+    }
+
+    /// True if alpha lets the ray with `seed` through the surface.
+    fn passes(&self, at: &SurfacePoint, hit: &Hit, seed: u64) -> bool {
+        if !self.see_through[at.material as usize] {
+            return false;
+        }
+        let opacity = self.material(at).opacity(&self.textures, at);
+        opacity < 1.0 && {
+            let place = (u64::from(hit.instance) << 32) | u64::from(hit.triangle);
+            let word = hash(&[seed, place, u64::from(hit.u.to_bits())]);
+            unit_f32(word as u32) >= opacity
+        }
+    }
+
+    /// The ray that tests whether `light` reaches `at`.
+    #[inline]
+    pub fn shadow_ray(&self, at: &SurfacePoint, light: &LightSample) -> Ray {
+        let mut ray = self.spawn(at, light.wi);
+        ray.tmax = light.distance * (1.0 - SHADOW_SHORTENING);
+        ray
+    }
+
+    /// True if something opaque, or something that stochastic alpha makes so, lies on the ray.
+    pub fn occluded(&self, ray: &Ray, seed: u64) -> bool {
+        self.accel.occluded(ray) && (!self.any_see_through || self.intersect(ray, seed).is_some())
+    }
+
+    /// [`Scene::occluded`] of many rays, `seed` mixed with each ray's number.
+    pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool], seed: u64) {
+        self.accel.occluded_many(rays, blocked);
+        if self.any_see_through {
+            for (k, (ray, blocked)) in rays.iter().zip(blocked).enumerate() {
+                *blocked = *blocked && self.intersect(ray, hash(&[seed, k as u64])).is_some();
+            }
+        }
+    }
+
+    /// First hits of many rays on any surface; [`Scene::resolve`] takes alpha into account.
+    pub fn intersect_many(&self, rays: &[Ray], coherence: Coherence, hits: &mut [Hit]) {
+        self.accel.intersect_many(rays, coherence, hits);
+    }
+}
+
+/// The emissive triangles with their mean radiance.
+fn emitters(geometry: &Geometry, materials: &[Material], textures: &[Texture]) -> Vec<Emitter> {
+    let mut emitters = Vec::new();
+    for (i, instance) in geometry.instances.iter().enumerate() {
+        let mesh = &geometry.meshes[instance.mesh as usize];
+        let material = &materials[mesh.material as usize];
+        if !material.is_emissive() {
+            continue;
+        }
+        for triangle in 0..mesh.indices.len() as u32 {
+            let radiance = mean_emission(geometry, material, textures, i as u32, triangle);
+            if radiance.max_element() > 0.0 {
+                let double_sided = material.double_sided;
+                emitters.push(Emitter { instance: i as u32, triangle, radiance, double_sided });
+            }
+        }
+    }
+    emitters
+}
+
+/// Mean emission over the front of a triangle: exact without a texture, else the mean over a regular grid of its points.
+fn mean_emission(geometry: &Geometry, material: &Material, textures: &[Texture], instance: u32, triangle: u32) -> Color {
+    if material.emission_texture.is_none() {
+        return material.emission;
+    }
+    const SIDE: usize = 8;
+    let [a, b, c] = geometry.triangle(instance, triangle);
+    let towards = -(b - a).cross(c - a).normalize_or(Vec3::Z);
+    let mut sum = Color::ZERO;
+    for i in 0..SIDE {
+        for j in 0..SIDE - i {
+            let (u, v) = ((i as f32 + 1.0 / 3.0) / SIDE as f32, (j as f32 + 1.0 / 3.0) / SIDE as f32);
+            sum += material.emission_at(textures, &interpolate(geometry, instance, triangle, u, v, towards));
+        }
+    }
+    sum / (SIDE * (SIDE + 1) / 2) as f32
+}
