@@ -7,7 +7,7 @@ use crate::math::{Color, Vec2, Vec3};
 /// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform sampling of the area is as good.
 const MIN_SOLID_ANGLE: f32 = 1e-4;
 /// Above this one the receiver all but touches the triangle and the vertices' directions are nearly coplanar.
-const MAX_SOLID_ANGLE: f32 = 6.0;
+const MAX_SOLID_ANGLE: f32 = 6.27;
 
 /// An emissive triangle in world space, ready for sampling.
 #[derive(Clone, Copy, Debug)]
