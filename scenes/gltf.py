@@ -1,7 +1,7 @@
 """A small glTF 2.0 writer: shapes, materials and nodes in, NAME.gltf, NAME.bin and NAME.toml out.
 
-Standard library only. Coordinates are rounded to a micrometre before they are stored, so that the files do not depend on the last bit of
-the platform's sine. Metres, +Y up; a face's front is where its corners run counter-clockwise, and it points out of solid matter.
+Standard library only. Coordinates are rounded to a micrometre before they are stored, so that the files do not depend on the last
+bit of the platform's sine. Metres, +Y up; a face's front is where its corners run counter-clockwise, and it points out of solid matter.
 """
 
 import json
@@ -66,7 +66,7 @@ class Shape:
         return self
 
     def grid(self, rows, columns, vertex):
-        """A sheet of `vertex(row, column) -> (position, normal)`; its front is where (row direction) x (column direction) points."""
+        """A sheet of `vertex(row, column) -> (position, normal)`; its front is where row direction x column direction points."""
         ids = [[self.vertex(*vertex(i, j)) for j in range(columns)] for i in range(rows)]
         for i in range(rows - 1):
             for j in range(columns - 1):
@@ -215,6 +215,7 @@ class Scene:
     def __init__(self, name, title, size=(1280, 720), flags="", notes="", expect=""):
         self.name, self.title, self.size, self.flags, self.notes, self.expect = name, title, size, flags, notes, expect
         self.bin = bytearray()
+        self.stored = []
         self.extensions = set()
         self.doc = {
             "asset": {"version": "2.0", "generator": "Lumicache scenes/make_scenes.py", "copyright": "CC0-1.0"},
@@ -281,7 +282,11 @@ class Scene:
         image = self.append("images", {"mimeType": "image/png", "bufferView": self.view(png(width, height, pixels))})
         return self.append("textures", {"source": image, "sampler": self.append("samplers", {"wrapS": 33071, "wrapT": 33071})})
 
-    def mesh(self, name, shape, material):
+    def geometry(self, shape):
+        """The accessors of a shape, as the keys of a primitive; a shape is stored once however often it is used."""
+        for known, keys in self.stored:
+            if known is shape:
+                return keys
         attributes = {"POSITION": self.accessor(shape.positions, "VEC3", bounds=True)}
         if shape.smooth:
             attributes["NORMAL"] = self.accessor(shape.normals, "VEC3")
@@ -295,8 +300,12 @@ class Scene:
         count = len(shape.indices)
         view = self.view(struct.pack(f"<{count}H", *shape.indices), 34963)
         indices = self.append("accessors", {"bufferView": view, "componentType": 5123, "count": count, "type": "SCALAR"})
-        primitive = {"attributes": attributes, "indices": indices, "material": material}
-        return self.append("meshes", {"name": name, "primitives": [primitive]})
+        keys = {"attributes": attributes, "indices": indices}
+        self.stored.append((shape, keys))
+        return keys
+
+    def mesh(self, name, shape, material):
+        return self.append("meshes", {"name": name, "primitives": [{**self.geometry(shape), "material": material}]})
 
     def node(self, name, mesh, at=None, turn=0.0, scale=None):
         """Places a mesh: scaled, turned by `turn` degrees around +Y, moved."""

@@ -166,7 +166,7 @@ def armchair(s):
 
 
 def lamps(s, wood):
-    """An up-lighter beside the sofa, strips behind the ledge of the back wall and on top of the bookcase, and daylight that comes round the corner of the passage."""
+    """An up-lighter, strips behind the ledge and on top of the bookcase, and daylight from round the corner of the passage."""
     metal = s.material("brass", (0.72, 0.52, 0.25), rough=0.35, metal=1.0)
     stand = [
         (0.0, 0.0),
@@ -220,7 +220,7 @@ def indirect_room():
         "indirect-room",
         "A room lit indirectly",
         (1280, 720),
-        notes="The scene of `make demo`. No lamp shines on anything the camera looks at but the ceiling, the tops of the walls and the passage.",
+        notes="The scene of `make demo`. Lamps shine only on the ceiling, the tops of the walls and the passage.",
     )
     plaster = s.material("plaster", (0.78, 0.755, 0.71), specular=0.0, double=True)
     wood = s.material("walnut", (0.20, 0.105, 0.055), rough=0.5, specular=0.5)

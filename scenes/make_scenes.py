@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Writes the scenes of this folder: NAME.gltf, NAME.bin and NAME.toml each. `make_scenes.py [FOLDER]`; the same bytes on every run.
+"""Writes the scenes of this folder, NAME.gltf, NAME.bin and NAME.toml each: `make_scenes.py [FOLDER]`. The same bytes on every run.
 
-The scenes are original work, dedicated to the public domain (CC0-1.0). The Cornell box uses the measurements that Cornell University's
-Program of Computer Graphics published.
+The scenes are original work, dedicated to the public domain (CC0-1.0). The Cornell box uses the measurements that Cornell
+University's Program of Computer Graphics published.
 """
 
 import math
@@ -70,9 +70,8 @@ def glossy_still_life():
         board = tuple(tint * c for c in (0.30, 0.165, 0.082))
         table.add(box((-1.3, -0.045, z0 + 0.0015), (1.3, 0.0, z1 - 0.0015), board))
     s.add("table", table, oak)
-    sweep = [(2.2, -0.9, 2.6), (2.2, -0.9, -1.4)]
     curve = [(-0.9 + 0.9 * (1 - math.cos(a)), -1.4 - 0.9 * math.sin(a)) for a in [math.pi / 2 * i / 12 for i in range(1, 13)]]
-    profile = [(y, z) for _, y, z in sweep] + curve + [(3.2, -2.3)]
+    profile = [(-0.9, 2.6), (-0.9, -1.4)] + curve + [(3.2, -2.3)]
     backdrop = Shape(smooth=True)
 
     def sweep_vertex(i, j):
@@ -86,18 +85,19 @@ def glossy_still_life():
         backdrop.grid(len(profile), 2, lambda i, j: sweep_vertex(i, 1 - j)),
         s.material("paper", (0.55, 0.57, 0.60), specular=0.0, double=True),
     )
-    ball = s.mesh("ball", sphere(64), s.material("gold", (1.0, 0.71, 0.29), rough=0.28, metal=1.0))
+    globe = sphere(64)
+    ball = s.mesh("ball", globe, s.material("gold", (1.0, 0.71, 0.29), rough=0.28, metal=1.0))
     s.node("gold ball", ball, (0.62, 0.20, 0.16), scale=(0.20, 0.20, 0.20))
     paint = s.material("red lacquer", (0.45, 0.02, 0.015), rough=0.5, clearcoat=(1.0, 0.03))
-    s.add("lacquered ball", sphere(64), paint, (-0.78, 0.17, 0.22), scale=(0.17, 0.17, 0.17))
+    s.add("lacquered ball", globe, paint, (-0.78, 0.17, 0.22), scale=(0.17, 0.17, 0.17))
     s.add(
         "glass ball",
-        sphere(64),
+        globe,
         s.material("glass", (1.0, 1.0, 1.0), rough=0.0, glass=1.5),
         (0.18, 0.135, 0.42),
         scale=(0.135, 0.135, 0.135),
     )
-    lemon = s.mesh("lemon", sphere(40), s.material("lemon", (0.78, 0.52, 0.03), rough=0.55))
+    lemon = s.mesh("lemon", globe, s.material("lemon", (0.78, 0.52, 0.03), rough=0.55))
     s.node("lemon 1", lemon, (-0.42, 0.062, 0.48), 25.0, (0.085, 0.062, 0.062))
     s.node("lemon 2", lemon, (-0.27, 0.060, 0.54), -50.0, (0.082, 0.060, 0.060))
 
@@ -319,8 +319,10 @@ def two_rooms_gap():
         "two-rooms-gap",
         "Two rooms and a thin wall",
         (800, 400),
-        notes="One floor, one ceiling, one back wall; the wall between the rooms is two sheets 1e-3 m apart. The left room is lit, the right one is sealed off.",
-        expect="Radiance is exactly zero in the right room: at every pixel whose first hit has x > 0.001. Any light there has leaked through the wall.",
+        notes="One floor, one ceiling, one back wall; the wall between the rooms is two sheets 1e-3 m apart. "
+        "The left room is lit, the right one is sealed off.",
+        expect="Radiance is exactly zero in the right room: at every pixel whose first hit has x > 0.001. "
+        "Any light there has leaked through the wall.",
     )
     white = s.material("white", (0.73, 0.72, 0.70), specular=0.0, double=True)
     s.add("shell", room((-3.0, 0.0, -3.0), (3.001, 3.0, 0.0), skip="+z"), white)
@@ -381,7 +383,8 @@ def mirror_room():
         ):
             edges.add(box(lo, hi))
         s.add(f"{name} frame", edges, frame, (x, 0.0, -1.6), turn)
-    s.add("mirror ball", sphere(64), mirror, (-0.75, 0.5, -2.6), scale=(0.5, 0.5, 0.5))
+    globe = sphere(64)
+    s.add("mirror ball", globe, mirror, (-0.75, 0.5, -2.6), scale=(0.5, 0.5, 0.5))
     s.add(
         "cushion",
         rounded_box((-0.45, 0.0, -0.45), (0.45, 0.42, 0.45), 0.09),
@@ -389,7 +392,7 @@ def mirror_room():
         (0.75, 0.0, -2.4),
         20.0,
     )
-    s.add("ball", sphere(48), s.material("blue", (0.08, 0.20, 0.45), specular=0.0), (0.30, 0.22, -1.3), scale=(0.22, 0.22, 0.22))
+    s.add("ball", globe, s.material("blue", (0.08, 0.20, 0.45), specular=0.0), (0.30, 0.22, -1.3), scale=(0.22, 0.22, 0.22))
     s.add(
         "lamp",
         Shape().face((-0.7, 2.79, -2.1), (0.7, 2.79, -2.1), (0.7, 2.79, -1.1), (-0.7, 2.79, -1.1)),
@@ -455,7 +458,9 @@ def alpha_leaves():
 
 
 def all_scenes():
-    box_notes = "The measurements published by Cornell University's Program of Computer Graphics, one unit a centimetre. Every surface is diffuse."
+    box_notes = (
+        "The measurements that Cornell's Program of Computer Graphics published, one unit a centimetre. Every surface is diffuse."
+    )
     yield cornell_box("cornell-box", "Cornell box", (WHITE, 1.0, 0.0, 0.0), box_notes)
     glossy_notes = "The Cornell box with a rough metallic floor: roughness 0.55, normal-incidence reflectance 9/13."
     yield cornell_box(
