@@ -1,5 +1,7 @@
 //! Image files in and out: EXR, HDR, PNG, JPEG, WebP. Pixels and attributes, no rendering.
 
+pub mod exr;
+
 /// Decoded pixels, shared by all textures that show them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureImage {

@@ -1,6 +1,74 @@
 //! Light sources: emissive triangles, the environment and punctual lights, and the sampling of all of them.
 
+mod bounds;
+mod environment;
+mod lights;
+mod polygon;
+mod punctual;
+mod tree;
+mod triangle;
+
+pub use lights::Lights;
+pub use polygon::polygon_irradiance;
+pub use triangle::TriangleLight;
+
 use crate::math::{Affine3A, Color, Vec3};
+
+/// A triangle that emits, as the scene names it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emitter {
+    /// Index of the instance.
+    pub instance: u32,
+    /// Triangle inside the instance's mesh.
+    pub triangle: u32,
+    /// Mean radiance over the triangle. It steers sampling; where it is zero the triangle is never chosen.
+    pub radiance: Color,
+    /// True if both faces emit, false if the front face alone does.
+    pub double_sided: bool,
+}
+
+/// What a [`LightSample`] was taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightSource {
+    /// A point of an emissive triangle.
+    Triangle {
+        /// Index of the instance.
+        instance: u32,
+        /// Triangle inside the instance's mesh.
+        triangle: u32,
+        /// Weight of the second vertex, in the mesh's own order.
+        u: f32,
+        /// Weight of the third vertex.
+        v: f32,
+    },
+    /// The environment.
+    Environment,
+    /// A light without extent: its index among the punctual lights of the scene.
+    Punctual(u32),
+}
+
+/// A direction towards a light, with everything that the estimate of its contribution `f cosθ radiance / pdf` needs, visibility aside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Unit world direction from the receiver to the light.
+    pub wi: Vec3,
+    /// Distance to the light, infinite for the environment and for directional lights.
+    pub distance: f32,
+    /// Radiance towards the receiver; the mean over the triangle for an emissive triangle. For a delta light, the irradiance on a surface across `wi`.
+    pub radiance: Color,
+    /// Density per steradian, choice of the light included. For a delta light, the probability of its choice.
+    pub pdf: f32,
+    /// True if the light has no extent, so that no other technique finds it.
+    pub delta: bool,
+    /// Where the sample lies.
+    pub source: LightSource,
+}
+
+/// How much a colour counts when lights are chosen: the mean of its channels, so that a blue lamp is not starved; 0 unless positive and finite.
+fn weight(color: Color) -> f32 {
+    let mean = (color.x + color.y + color.z) / 3.0;
+    if mean.is_finite() { mean.max(0.0) } else { 0.0 }
+}
 
 /// A light without extent (KHR_lights_punctual), already in world space and in radiometric numbers as the scene file has them.
 #[derive(Clone, Copy, Debug, PartialEq)]

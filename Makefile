@@ -1,0 +1,67 @@
+# What users and CI both run. `make demo` and `make test` need nothing but git, make and a Rust toolchain: see .ci/setup.
+
+SHELL := /bin/bash
+CARGO ?= cargo
+OUT ?= out
+SCENE ?= indirect-room
+
+# A toolchain that rustup has just installed is not yet on the PATH of the shell that runs make.
+export PATH := $(PATH):$(HOME)/.cargo/bin
+
+# The modules that reach the foreign libraries, or stand in for them in a build without system libraries.
+FFI_TESTS := accel:: imagefile::
+IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test test-quick test-ffi test-embree4 lint scenes bench clean
+
+help: ## Lists the targets.
+	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
+
+setup: ## Installs the Debian packages and the Rust toolchain that are missing.
+	@.ci/setup
+
+build: setup ## Builds in release mode.
+	$(CARGO) build --release --locked
+
+demo: build ## Renders a scene to out/demo.exr and out/demo.png (SCENE=NAME picks another one of scenes/).
+	@mkdir -p $(OUT)
+	$(CARGO) run --release --locked --quiet -- render scenes/$(SCENE).gltf -o $(OUT)/demo.exr --preview $(OUT)/demo.png
+	@echo "The picture: $(abspath $(OUT))/demo.png"
+	@echo "All its layers: $(abspath $(OUT))/demo.exr"
+
+test: setup lint ## Runs every check and test, with and without the system libraries.
+	$(CARGO) test --release --locked
+	$(CARGO) build --release --locked --no-default-features
+	.ci/cargo-test --no-default-features --lib -- $(FFI_TESTS)
+	.ci/cargo-test --no-default-features --test integration -- $(IMAGE_TESTS)
+
+lint: setup ## Checks format, lints and documentation.
+	@.ci/setup --components rustfmt clippy
+	$(CARGO) fmt --check
+	$(CARGO) clippy --release --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps --document-private-items
+
+test-quick: setup ## Runs the tests without the extra test data.
+	env -u LUMICACHE_TEST_DATA $(CARGO) test --release --locked
+
+test-ffi: setup ## Runs the tests of what touches Embree and OpenEXR.
+	.ci/cargo-test --lib -- $(FFI_TESTS)
+	.ci/cargo-test --test integration -- $(IMAGE_TESTS)
+ifdef LINKS
+	@# LINKS=libembree4: the tests above were linked with that library.
+	@ldd "$$(ls -t "$${CARGO_TARGET_DIR:-target}"/release/deps/integration-* | grep -v '\.d$$' | head -n 1)" | grep -F "$(LINKS)"
+endif
+
+test-embree4: ## Runs test-ffi in a fresh Debian 13, against Embree 4 (needs root).
+	@.ci/embree4
+
+scenes: ## Writes scenes/ anew.
+	python3 scenes/make_scenes.py
+
+bench: build ## Compares the ray tracing back ends (SCENE=NAME picks another one of scenes/).
+	$(CARGO) run --release --locked --quiet -- bench accel scenes/$(SCENE).gltf
+
+clean: ## Removes what was built and rendered.
+	$(CARGO) clean
+	rm -rf $(OUT)

@@ -1,0 +1,304 @@
+//! All lights of a scene: choice of a light, sampling towards it, and the densities of both.
+
+use super::environment::Environment;
+use super::tree::{Comb, LEAF, LightTree, Pick, Share};
+use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight};
+use crate::geometry::{Aabb, Geometry};
+use crate::math::{Color, PI, Vec2, Vec3};
+use std::ops::Range;
+
+/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power says nothing about
+/// which of them is occluded.
+const MIN_SHARE: f32 = 0.2;
+/// Marks a triangle that does not emit.
+const NONE: u32 = u32::MAX;
+
+/// The lights of a scene, immutable. All queries are deterministic and without allocation.
+///
+/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance) and those at finite
+/// distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a tree over them
+/// [Conty18], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each sends to the receiver.
+///
+/// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie wholly below the horizon of `n` are never chosen.
+#[derive(Clone, Debug)]
+pub struct Lights {
+    tree: LightTree,
+    environment: Option<Environment>,
+    /// Mean irradiance from the environment over all orientations.
+    environment_weight: f32,
+    directional: Vec<(u32, PunctualLight)>,
+    /// Probability of the lights at infinity where both groups reach the receiver.
+    infinite_share: f64,
+    /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty for an instance that does not emit.
+    emitters: Vec<Vec<u32>>,
+    power: Color,
+}
+
+impl Lights {
+    /// Prepares the lights of a scene for sampling; `bounds` is the scene's box.
+    ///
+    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are ignored, as is an environment whose
+    /// size contradicts its pixels.
+    pub fn build(
+        geometry: &Geometry,
+        emitters: Vec<Emitter>,
+        punctual: Vec<PunctualLight>,
+        environment: Option<EnvironmentMap>,
+        bounds: Aabb,
+    ) -> Self {
+        let triangles = emitters.into_iter().filter(|e| exists(geometry, e)).map(|e| TriangleLight::new(geometry, e)).collect();
+        let (directional, near): (Vec<_>, Vec<_>) =
+            (0..).zip(punctual).partition(|(_, light)| matches!(light, PunctualLight::Directional { .. }));
+        let directional: Vec<_> = directional.into_iter().filter(|(_, l)| weight(l.strength()) > 0.0).collect();
+        let near_power: Color = near.iter().filter(|(_, l)| weight(l.strength()) > 0.0).map(|(_, l)| l.power()).sum();
+        let tree = LightTree::new(triangles, near);
+        let environment = environment.and_then(Environment::new);
+
+        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area from inside.
+        let finite_power = near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
+        let fluence = environment.as_ref().map_or(Color::ZERO, Environment::fluence);
+        let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
+        let size = if bounds.is_empty() { Vec3::ZERO } else { bounds.max - bounds.min };
+        let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+        let outside = 0.25 * (weight(fluence) + weight(parallel));
+        let share = outside / (outside + weight(finite_power) / walls);
+        let share = if share.is_nan() { 0.5 } else { share.clamp(MIN_SHARE, 1.0 - MIN_SHARE) };
+
+        let radius = 0.5 * bounds.diagonal();
+        Self {
+            emitters: index_emitters(geometry, tree.triangles()),
+            environment_weight: 0.25 * weight(fluence),
+            power: finite_power + (fluence + parallel) * (PI * radius * radius),
+            infinite_share: f64::from(share),
+            tree,
+            environment,
+            directional,
+        }
+    }
+
+    /// True if nothing emits.
+    pub fn is_empty(&self) -> bool {
+        self.emitter_count() == 0 && !self.tree.has_punctual() && self.directional.is_empty() && self.environment.is_none()
+    }
+
+    /// Number of emissive triangles that have area and radiance.
+    pub fn emitter_count(&self) -> usize {
+        self.tree.triangles().len()
+    }
+
+    /// The emissive triangle of that name, `None` if it does not emit.
+    pub fn emitter(&self, instance: u32, triangle: u32) -> Option<&TriangleLight> {
+        self.emitter_index(instance, triangle).map(|i| &self.tree.triangles()[i])
+    }
+
+    fn emitter_index(&self, instance: u32, triangle: u32) -> Option<usize> {
+        let index = *self.emitters.get(instance as usize)?.get(triangle as usize)?;
+        (index != NONE).then_some(index as usize)
+    }
+
+    /// All emissive triangles if there are at most 16, so that a closed form over all of them is affordable.
+    pub fn few_emitters(&self) -> Option<&[TriangleLight]> {
+        Some(self.tree.triangles()).filter(|t| t.len() <= LEAF)
+    }
+
+    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes time in proportion to their
+    /// number.
+    pub fn unoccluded_irradiance(&self, p: Vec3, n: Vec3) -> Color {
+        self.tree.triangles().iter().map(|t| t.emitter().radiance * t.irradiance(p, n)).sum()
+    }
+
+    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere around the scene's box from
+    /// the environment and from directional lights.
+    pub fn power(&self) -> Color {
+        self.power
+    }
+
+    /// Radiance of the environment along a unit world direction, zero without one.
+    pub fn environment(&self, direction: Vec3) -> Color {
+        self.environment.as_ref().map_or(Color::ZERO, |e| e.radiance(direction))
+    }
+
+    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the receiver or the direction lies below its horizon.
+    pub fn sample(&self, p: Vec3, n: Option<Vec3>, select: f32, u: Vec2) -> Option<LightSample> {
+        let mut sample = None;
+        let comb = Comb { offset: f64::from(select), count: 1 };
+        self.distribute(p, n, comb, &mut |light, share| sample = self.sample_light(light, share.probability as f32, p, n, u));
+        sample
+    }
+
+    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples, rounded up or down at random, and
+    /// the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come
+    /// one after another. The same `seed` gives the same samples.
+    pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
+        let comb = Comb { offset: f64::from(unit_float(hash(seed))), count };
+        self.distribute(p, n, comb, &mut |light, share| {
+            let Range { start, end } = share.choices;
+            let scramble = hash(seed ^ hash(start.wrapping_add(0x9e37_79b9)));
+            for i in 0..end - start {
+                let u = stratified_point(i, end - start, scramble);
+                if let Some(sample) = self.sample_light(light, share.probability as f32, p, n, u) {
+                    out(sample);
+                }
+            }
+        });
+    }
+
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of this triangle; 0 if that does not emit towards `p`.
+    pub fn pdf_triangle(&self, p: Vec3, n: Option<Vec3>, instance: u32, triangle: u32, wi: Vec3, distance: f32) -> f32 {
+        let Some(index) = self.emitter_index(instance, triangle) else { return 0.0 };
+        if below_horizon(n, wi) {
+            return 0.0;
+        }
+        let density = self.tree.triangles()[index].pdf(p, distance);
+        if density <= 0.0 {
+            return 0.0;
+        }
+        let (infinite, _) = self.infinite_probability(p, n);
+        (1.0 - infinite) as f32 * self.tree.probability(p, n, index) * density
+    }
+
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way of the environment.
+    pub fn pdf_environment(&self, p: Vec3, n: Option<Vec3>, wi: Vec3) -> f32 {
+        let Some(environment) = &self.environment else { return 0.0 };
+        if below_horizon(n, wi) {
+            return 0.0;
+        }
+        let (infinite, total) = self.infinite_probability(p, n);
+        infinite as f32 * (self.environment_weight / total) * environment.pdf(n, wi)
+    }
+
+    /// The probability of the lights at infinity, and the sum of their weights.
+    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f64, f32) {
+        let total = self.environment_weight + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
+        if total <= 0.0 {
+            (0.0, total)
+        } else if self.tree.reaches(p, n) {
+            (self.infinite_share, total)
+        } else {
+            (1.0, total)
+        }
+    }
+
+    /// Distributes the choices of a comb over all lights, those at infinity first.
+    fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, out: &mut impl FnMut(Light, Share)) {
+        let (infinite, total) = self.infinite_probability(p, n);
+        let mut rest = Share { start: 0.0, probability: 1.0, choices: 0..comb.count };
+        if infinite > 0.0 {
+            let environment = self.environment.as_ref().map(|_| (Light::Environment, self.environment_weight));
+            let directional = (0..).zip(&self.directional).map(|(i, (_, l))| (Light::Directional(i), l.importance(p, n)));
+            for (light, value) in environment.into_iter().chain(directional) {
+                let probability = infinite * f64::from(value / total);
+                let (choices, others) = comb.split(&rest.choices, rest.start + probability);
+                if value > 0.0 && !choices.is_empty() {
+                    out(light, Share { start: rest.start, probability, choices });
+                }
+                rest = Share { start: rest.start + probability, probability: 0.0, choices: others };
+            }
+        }
+        if infinite < 1.0 {
+            let share = Share { start: infinite, probability: 1.0 - infinite, choices: rest.choices };
+            self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+        }
+    }
+
+    /// A direction towards a light that was chosen with the given probability.
+    fn sample_light(&self, light: Light, probability: f32, p: Vec3, n: Option<Vec3>, u: Vec2) -> Option<LightSample> {
+        let sample = match light {
+            Light::Environment => {
+                let environment = self.environment.as_ref()?;
+                let (wi, density) = environment.sample(n, u);
+                let (radiance, pdf) = (environment.radiance(wi), probability * density);
+                LightSample { wi, distance: f32::INFINITY, radiance, pdf, delta: false, source: LightSource::Environment }
+            }
+            Light::Finite(Pick::Triangle(index)) => {
+                let triangle = &self.tree.triangles()[index];
+                let point = triangle.sample(p, u)?;
+                let Emitter { instance, triangle: triangle_index, radiance, .. } = *triangle.emitter();
+                let (u, v) = point.barycentric.into();
+                let source = LightSource::Triangle { instance, triangle: triangle_index, u, v };
+                LightSample {
+                    wi: point.wi,
+                    distance: point.distance,
+                    radiance,
+                    pdf: probability * point.pdf,
+                    delta: false,
+                    source,
+                }
+            }
+            Light::Finite(Pick::Punctual(index)) => sample_punctual(self.tree.punctual(index), probability, p)?,
+            Light::Directional(index) => {
+                let (scene_index, light) = &self.directional[index];
+                sample_punctual((*scene_index, light), probability, p)?
+            }
+        };
+        (sample.pdf > 0.0 && !below_horizon(n, sample.wi)).then_some(sample)
+    }
+}
+
+/// A chosen light.
+#[derive(Clone, Copy)]
+enum Light {
+    Environment,
+    /// Index into `Lights::directional`.
+    Directional(usize),
+    Finite(Pick),
+}
+
+fn sample_punctual((index, light): (u32, &PunctualLight), probability: f32, p: Vec3) -> Option<LightSample> {
+    let incidence = light.incidence(p)?;
+    Some(LightSample {
+        wi: incidence.wi,
+        distance: incidence.distance,
+        radiance: incidence.irradiance,
+        pdf: probability,
+        delta: true,
+        source: LightSource::Punctual(index),
+    })
+}
+
+fn below_horizon(n: Option<Vec3>, wi: Vec3) -> bool {
+    n.is_some_and(|n| n.dot(wi) <= 0.0)
+}
+
+fn exists(geometry: &Geometry, emitter: &Emitter) -> bool {
+    let mesh = geometry.instances.get(emitter.instance as usize).and_then(|i| geometry.meshes.get(i.mesh as usize));
+    mesh.is_some_and(|mesh| (emitter.triangle as usize) < mesh.indices.len())
+}
+
+fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u32>> {
+    let mut emitters = vec![Vec::new(); geometry.instances.len()];
+    for (index, triangle) in (0..).zip(triangles) {
+        let Emitter { instance, triangle, .. } = *triangle.emitter();
+        let entries = &mut emitters[instance as usize];
+        if entries.is_empty() {
+            let mesh = geometry.instances[instance as usize].mesh;
+            entries.resize(geometry.meshes[mesh as usize].indices.len(), NONE);
+        }
+        entries[triangle as usize] = index;
+    }
+    emitters
+}
+
+/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with Owen's scrambling in Laine and Karras' form).
+fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
+    let x = (i as f32 + unit_float(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
+    let mut y = i.wrapping_add(hash(!scramble));
+    for multiplier in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6_u32] {
+        y ^= y.wrapping_mul(multiplier);
+    }
+    Vec2::new(x.min(ONE_BELOW), unit_float(y.reverse_bits()))
+}
+
+const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// Mixes 32 bits.
+fn hash(mut x: u32) -> u32 {
+    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
+/// The upper 24 bits as a number in [0, 1).
+fn unit_float(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+}

@@ -1,0 +1,129 @@
+//! Lights without extent, as the glTF extension `KHR_lights_punctual` defines them.
+
+use super::{PunctualLight, weight};
+use crate::math::{Color, Vec3};
+
+/// The light that reaches a point from a light without extent.
+pub(super) struct PunctualIncidence {
+    pub wi: Vec3,
+    pub distance: f32,
+    /// Irradiance on a surface across `wi`.
+    pub irradiance: Color,
+}
+
+impl PunctualLight {
+    /// What reaches `p`, occlusion aside; `None` at the light itself, beyond its range and outside its cone.
+    pub(super) fn incidence(&self, p: Vec3) -> Option<PunctualIncidence> {
+        match *self {
+            Self::Directional { direction, irradiance } => {
+                Some(PunctualIncidence { wi: -direction, distance: f32::INFINITY, irradiance })
+            }
+            Self::Point { position, intensity, range } => from_position(p, position, intensity, range),
+            Self::Spot { position, direction, intensity, range, cos_inner, cos_outer } => {
+                let mut incidence = from_position(p, position, intensity, range)?;
+                // The recommended falloff: the square of a ramp from the outer to the inner cone, with a floor against equal angles.
+                let ramp = (-incidence.wi.dot(direction) - cos_outer) / (cos_inner - cos_outer).max(1e-3);
+                let falloff = ramp.clamp(0.0, 1.0).powi(2);
+                incidence.irradiance *= falloff;
+                (falloff > 0.0).then_some(incidence)
+            }
+        }
+    }
+
+    /// Irradiance at `p`, on a surface with normal `n` or across the light, by which lights are chosen.
+    pub(super) fn importance(&self, p: Vec3, n: Option<Vec3>) -> f32 {
+        self.incidence(p).map_or(0.0, |i| weight(i.irradiance) * n.map_or(1.0, |n| n.dot(i.wi).max(0.0)))
+    }
+
+    /// Radiant intensity of a point or spot light, irradiance of a directional light.
+    pub(super) fn strength(&self) -> Color {
+        match *self {
+            Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
+            Self::Directional { irradiance, .. } => irradiance,
+        }
+    }
+
+    /// Radiant power of a point or spot light; that of a directional light through a disc of area 1.
+    pub(super) fn power(&self) -> Color {
+        let solid_angle = match *self {
+            Self::Point { .. } => 4.0 * std::f32::consts::PI,
+            // The integral of the falloff over the cone: all of the inner cone and a third of the ring.
+            Self::Spot { cos_inner, cos_outer, .. } => {
+                2.0 * std::f32::consts::PI * (1.0 - cos_inner + (cos_inner - cos_outer).max(0.0) / 3.0)
+            }
+            Self::Directional { .. } => 1.0,
+        };
+        self.strength() * solid_angle
+    }
+}
+
+/// The inverse square law with the recommended window, max(0, 1 - (d/range)⁴) / d².
+fn from_position(p: Vec3, position: Vec3, intensity: Color, range: f32) -> Option<PunctualIncidence> {
+    let to_light = position - p;
+    let squared = to_light.length_squared();
+    let distance = squared.sqrt();
+    let window = 1.0 - (distance / range).powi(4);
+    if !(squared > 0.0 && window > 0.0) {
+        return None;
+    }
+    Some(PunctualIncidence { wi: to_light / distance, distance, irradiance: intensity * (window / squared) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(cos_inner: f32, cos_outer: f32) -> PunctualLight {
+        PunctualLight::Spot {
+            position: Vec3::new(0.0, 2.0, 0.0),
+            direction: -Vec3::Y,
+            intensity: Vec3::splat(8.0),
+            range: f32::INFINITY,
+            cos_inner,
+            cos_outer,
+        }
+    }
+
+    #[test]
+    fn point_light_follows_the_inverse_square_within_its_range() {
+        let light = |range| PunctualLight::Point { position: Vec3::new(0.0, 2.0, 0.0), intensity: Vec3::splat(8.0), range };
+        let free = light(f32::INFINITY).incidence(Vec3::ZERO).unwrap();
+        assert_eq!((free.wi, free.distance, free.irradiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
+        let windowed = light(4.0).incidence(Vec3::ZERO).unwrap();
+        assert_eq!(windowed.irradiance, Vec3::splat(2.0 * (1.0 - 1.0 / 16.0)));
+        assert!(light(2.0).incidence(Vec3::ZERO).is_none() && light(0.0).incidence(Vec3::ZERO).is_none());
+        assert!(light(f32::INFINITY).incidence(Vec3::new(0.0, 2.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn spot_light_ramps_between_its_cones() {
+        let light = spot(0.9, 0.7);
+        let at = |cos: f32| {
+            let p = Vec3::new((1.0 - cos * cos).sqrt(), 2.0 - cos, 0.0);
+            light.incidence(p).map_or(0.0, |i| i.irradiance.x / 8.0)
+        };
+        assert!((at(0.95) - 1.0).abs() < 1e-5 && (at(0.8) - 0.25).abs() < 1e-5 && at(0.69) == 0.0);
+    }
+
+    #[test]
+    fn spot_light_with_equal_angles_has_a_sharp_edge() {
+        let light = spot(0.8, 0.8);
+        assert!(light.incidence(Vec3::new(0.1, 0.0, 0.0)).unwrap().irradiance.is_finite());
+        assert!(light.incidence(Vec3::new(5.0, 0.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn power_of_a_spot_light_is_the_integral_of_its_intensity() {
+        let light = spot(0.9, 0.6);
+        let steps = 20_000;
+        let sum: f32 = (0..steps)
+            .map(|i| {
+                let cos = 1.0 - 2.0 * (i as f32 + 0.5) / steps as f32;
+                let p = Vec3::new((1.0 - cos * cos).sqrt(), 2.0 - cos, 0.0);
+                light.incidence(p).map_or(0.0, |i| i.irradiance.x)
+            })
+            .sum();
+        let expected = sum * 4.0 * std::f32::consts::PI / steps as f32;
+        assert!((light.power().x / expected - 1.0).abs() < 1e-3);
+    }
+}
