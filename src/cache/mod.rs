@@ -47,15 +47,19 @@ impl Level {
 pub struct Cache {
     scheme: Scheme,
     scene_size: f32,
+    /// Light paths have no bound on their length, so that every level holds the same quantity and any may stand in for another.
+    unlimited: bool,
     /// `None` until the level is filled.
     levels: Vec<Option<Level>>,
 }
 
 impl Cache {
-    /// An empty cache with `levels` levels, at most the scheme's own, for a scene whose diagonal is `scene_size`.
-    pub fn new(scheme: Scheme, levels: u8, scene_size: f32) -> Self {
-        let levels = (0..levels.min(scheme.levels)).map(|_| None).collect();
-        Self { scheme, scene_size, levels }
+    /// An empty cache for light paths of at most `max_bounces` interactions after the camera hit (`u32::MAX`: no bound), in a scene whose diagonal is
+    /// `scene_size`. It has the scheme's levels, but no more than the paths have bounces.
+    pub fn new(scheme: Scheme, max_bounces: u32, scene_size: f32) -> Self {
+        let count = u32::from(scheme.levels).min(max_bounces);
+        let levels = (0..count).map(|_| None).collect();
+        Self { scheme, scene_size, unlimited: max_bounces == u32::MAX, levels }
     }
 
     /// The scheme.
@@ -81,8 +85,15 @@ impl Cache {
 }
 
 impl Deeper for Cache {
+    /// With bounded paths records of exactly `level` answer: those of another level hold light of more or fewer bounces. Without a bound all levels hold the same quantity: the first filled
+    /// one that covers the point answers, so the most accurate.
     #[inline]
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color> {
-        self.lookup(level, at, u32::MAX).map(|a| a.irradiance)
+        let found = if self.unlimited {
+            self.levels.iter().flatten().find_map(|l| l.index.lookup(at, u32::MAX))
+        } else {
+            self.lookup(level, at, u32::MAX)
+        };
+        found.map(|a| a.irradiance)
     }
 }

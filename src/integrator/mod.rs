@@ -1,12 +1,20 @@
 //! Light transport: the path tracer that everything is measured against, the probe that gathers in our own scene, and shading from the cache.
 
+mod cached;
 mod path;
+mod points;
 mod probe;
 
+pub use cached::CachedIntegrator;
 pub use path::{PathTracer, Start};
-pub use probe::SceneProbe;
+pub use probe::{Counts, SceneProbe};
 
-use crate::math::Color;
+use crate::accel::Ray;
+use crate::camera::{Camera, CameraRay};
+use crate::geometry::SurfacePoint;
+use crate::material::Bsdf;
+use crate::math::{Color, Vec2, Vec3};
+use crate::sampling::{Sampler, hash};
 
 /// The light of one camera sample, split as the output layers are; the five sum to the beauty. Albedo is multiplied in.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,5 +35,128 @@ impl Radiance {
     /// The beauty.
     pub fn total(&self) -> Color {
         self.diffuse_direct + self.diffuse_indirect + self.glossy_direct + self.glossy_indirect + self.emission
+    }
+
+    /// The five parts, in the order of the output layers.
+    pub fn parts(&self) -> [Color; 5] {
+        [self.diffuse_direct, self.diffuse_indirect, self.glossy_direct, self.glossy_indirect, self.emission]
+    }
+
+    /// True if every number is one.
+    pub fn is_finite(&self) -> bool {
+        self.parts().iter().all(|c| c.is_finite())
+    }
+}
+
+/// One sample of one pixel, ready to be traced.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraSample {
+    /// The ray with its footprint.
+    pub camera: CameraRay,
+    /// Seed of the pixel's sample sequence.
+    pub seed: u64,
+    /// Number in that sequence.
+    pub index: u32,
+    /// Only records with ids below this may be used.
+    pub limit: u32,
+}
+
+impl CameraSample {
+    /// Sample `index` of the pixel with `seed` at the integer position `pixel` of an image of `size` pixels.
+    pub fn new(camera: &Camera, pixel: [u32; 2], size: [u32; 2], seed: u64, index: u32, limit: u32) -> Self {
+        let jitter = Sampler::new(seed, index).next_2d();
+        let raster = Vec2::new(pixel[0] as f32, pixel[1] as f32) + jitter;
+        Self { camera: camera.ray(raster, size), seed, index, limit }
+    }
+
+    /// The sample's stream behind the numbers that chose its place in the pixel.
+    fn sampler(&self) -> Sampler {
+        let mut sampler = Sampler::new(self.seed, self.index);
+        sampler.next_2d();
+        sampler
+    }
+
+    /// The ray.
+    fn ray(&self) -> Ray {
+        Ray { origin: self.camera.origin, tmin: 0.0, dir: self.camera.dir, tmax: f32::INFINITY }
+    }
+
+    /// Seed of the decisions at partly transparent surfaces.
+    fn alpha_seed(&self) -> u64 {
+        hash(&[self.seed, u64::from(self.index)])
+    }
+}
+
+/// Where the indirect light of a sample's diffuse lobe came from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Status {
+    /// There was none to find.
+    #[default]
+    None,
+    /// Records.
+    Cached,
+    /// A path, because no record was valid.
+    Traced,
+}
+
+/// The first surface of a sample, as the layers show it.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// World position.
+    pub position: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// Directional albedo of all lobes.
+    pub albedo: Color,
+    /// Distance from the camera.
+    pub distance: f32,
+}
+
+impl Surface {
+    fn new(point: &SurfacePoint, bsdf: &Bsdf, distance: f32) -> Self {
+        let albedo = bsdf.albedo(point.frame.to_local(point.wo));
+        Self { position: point.position, normal: point.frame.n, albedo, distance }
+    }
+}
+
+/// What one camera sample saw.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shaded {
+    /// Its light.
+    pub radiance: Radiance,
+    /// The first surface; `None` for the background.
+    pub surface: Option<Surface>,
+    /// Source of the indirect light.
+    pub status: Status,
+    /// Error of the cache lookup as a share of the allowed one.
+    pub error: f32,
+    /// Number of records that took part.
+    pub records: u32,
+    /// Interpolated irradiance.
+    pub irradiance: Color,
+    /// Questions put to the cache for what the camera sees, straight or by mirrors.
+    pub lookups: u32,
+    /// Those that no record answered.
+    pub misses: u32,
+}
+
+/// How camera samples become light.
+pub enum Integrator<'a> {
+    /// Path tracing.
+    Path(PathTracer<'a>),
+    /// Shading from a filled cache.
+    Cached(CachedIntegrator<'a>),
+}
+
+impl Integrator<'_> {
+    /// Shades `samples` into `out`, in their order.
+    pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>) {
+        match self {
+            Self::Path(tracer) => {
+                out.clear();
+                out.extend(samples.iter().map(|s| tracer.shade(s)));
+            }
+            Self::Cached(cached) => cached.shade(samples, out),
+        }
     }
 }

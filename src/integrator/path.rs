@@ -1,12 +1,12 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
-use super::Radiance;
+use super::{CameraSample, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
-use crate::math::{Color, Frame, INV_PI, Vec3};
+use crate::math::{Color, INV_PI, Vec3};
 use crate::sampling::Sampler;
 use crate::scene::Scene;
 
@@ -34,8 +34,6 @@ pub struct Start {
     pub pdf: f32,
     /// Where the direction was sampled, for the density of light sampling.
     pub origin: SurfacePoint,
-    /// Light found by the first ray is left out: somebody else accounts for it.
-    pub skip_emission: bool,
 }
 
 /// Which lobes the path goes on by, beside the light samples taken at a vertex.
@@ -48,9 +46,41 @@ pub(super) enum Sampled {
 }
 
 /// A vertex from which the next ray leaves.
-struct Vertex {
-    point: SurfacePoint,
-    bsdf: Bsdf,
+pub(super) struct Vertex {
+    pub point: SurfacePoint,
+    pub bsdf: Bsdf,
+}
+
+/// What happens at a vertex: see [`PathTracer::step`].
+pub(super) struct Step {
+    /// Radiance towards `wo` of indirect light that a cache knows.
+    pub cached: Color,
+    /// A shadow ray, and what it brings if nothing is in its way.
+    pub light: Option<(Ray, Reflected)>,
+    /// The sampled direction and the ray into it.
+    pub next: Option<(BsdfSample, Ray)>,
+}
+
+/// Light leaving a surface, by the diffuse lobe and by the others.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reflected {
+    pub diffuse: Color,
+    pub glossy: Color,
+}
+
+impl Reflected {
+    pub fn sum(&self) -> Color {
+        self.diffuse + self.glossy
+    }
+
+    pub fn scaled(self, by: Color) -> Self {
+        Self { diffuse: by * self.diffuse, glossy: by * self.glossy }
+    }
+}
+
+/// Seed of the alpha decisions of the shadow ray behind `bounces` interactions.
+fn shadow_seed(seed: u64, bounces: u32) -> u64 {
+    seed ^ u64::from(bounces + 1).rotate_left(32)
 }
 
 /// Light that arrives directly, and light that was scattered before.
@@ -71,30 +101,30 @@ pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 impl PathTracer<'_> {
-    /// The radiance that `ray` brings to the camera, and the first surface it meets.
-    pub fn camera_ray(&self, ray: &Ray, sampler: &mut Sampler, seed: u64) -> (Radiance, Option<SurfacePoint>) {
-        let mut out = Radiance::default();
-        let Some((mut point, _)) = self.scene.intersect(ray, seed) else {
-            out.emission = self.scene.lights().environment(ray.dir);
-            return (out, None);
+    /// Shades one camera sample.
+    pub(super) fn shade(&self, sample: &CameraSample) -> Shaded {
+        let mut out = Shaded::default();
+        let (mut sampler, seed, ray) = (sample.sampler(), sample.alpha_seed(), sample.ray());
+        let Some((mut point, distance)) = self.scene.intersect(&ray, seed) else {
+            out.radiance.emission = self.scene.lights().environment(ray.dir);
+            return out;
         };
-        out.emission = self.scene.emission(&point);
+        out.radiance.emission = self.scene.emission(&point);
         let bsdf = self.scene.shade(&mut point);
-        let first = point;
+        out.surface = Some(Surface::new(&point, &bsdf, distance));
         let vertex = Vertex { point, bsdf };
-        let (diffuse, glossy) = self.direct(&vertex, sampler, seed, 0, Sampled::Everything);
-        out.diffuse_direct = diffuse;
-        out.glossy_direct = glossy;
-        if let Some((sample, next)) = self.scatter(&vertex, sampler, Sampled::Everything) {
-            let (diffuse, glossy) = split(&vertex, &sample);
-            let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.point, skip_emission: false };
-            let light = self.incoming(&next, &start, sampler, seed, None);
-            out.diffuse_direct += diffuse * light.direct;
-            out.diffuse_indirect += diffuse * light.indirect;
-            out.glossy_direct += glossy * light.direct;
-            out.glossy_indirect += glossy * light.indirect;
+        if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything) {
+            if !self.scene.occluded(&shadow, shadow_seed(seed, 0)) {
+                out.radiance.diffuse_direct = lit.diffuse;
+                out.radiance.glossy_direct = lit.glossy;
+            }
         }
-        (out, Some(first))
+        if let Some((scattered, next)) = self.scatter(&vertex, &mut sampler, Sampled::Everything) {
+            let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.point };
+            let light = self.incoming(&next, &start, &mut sampler, seed, None);
+            out.radiance.add(&vertex, &scattered, light);
+        }
+        out
     }
 
     /// The radiance that `ray` brings to the path that began as `start` says.
@@ -116,13 +146,11 @@ impl PathTracer<'_> {
         let mut first = true;
         loop {
             let hit = self.scene.intersect(&ray, seed.wrapping_add(u64::from(bounces)));
-            if !(first && start.skip_emission) {
-                let emitted = beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
-                if first {
-                    light.direct += emitted;
-                } else {
-                    light.indirect += emitted;
-                }
+            let emitted = beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
+            if first {
+                light.direct += emitted;
+            } else {
+                light.indirect += emitted;
             }
             let Some((mut point, distance)) = hit else { return light };
             if bounces >= self.max_bounces || bounces >= LONGEST_PATH {
@@ -133,18 +161,14 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            // Take the diffuse lobe's indirect light from a cache where one knows it, and follow only the other lobes.
-            let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-            let cached = deeper.filter(|_| bounces < self.max_bounces && vertex.bsdf.has_diffuse());
-            let cached = cached.and_then(|d| d.irradiance(level, &vertex.point));
-            let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
-            let (diffuse, glossy) = self.direct(&vertex, sampler, seed, bounces, sampled);
-            light.indirect += beta * (diffuse + glossy);
-            if let Some(irradiance) = cached {
-                let wo = vertex.point.frame.to_local(vertex.point.wo);
-                light.indirect += beta * vertex.bsdf.diffuse_albedo(wo) * irradiance * INV_PI;
+            let step = self.step(&vertex, sampler, bounces, deeper);
+            light.indirect += beta * step.cached;
+            if let Some((shadow, lit)) = step.light {
+                if !self.scene.occluded(&shadow, shadow_seed(seed, bounces)) {
+                    light.indirect += beta * lit.sum();
+                }
             }
-            let Some((sample, next)) = self.scatter(&vertex, sampler, sampled) else { return light };
+            let Some((sample, next)) = step.next else { return light };
             beta *= sample.weight;
             if bounces >= ROULETTE_AFTER {
                 let survival = (beta.max_element() * sample.eta * sample.eta).min(MAX_SURVIVAL);
@@ -187,29 +211,34 @@ impl PathTracer<'_> {
         (!self.scene.material(at).transmits()).then_some(at.ng)
     }
 
-    /// Next-event estimation at a vertex: direct light leaving by the diffuse lobe and by the others, weighed against sampling the BSDF.
-    fn direct(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, bounces: u32, sampled: Sampled) -> (Color, Color) {
+    /// What happens at a vertex that is not the camera's: indirect light from a cache where one knows it, one light sample, and the next ray.
+    pub(super) fn step(&self, v: &Vertex, sampler: &mut Sampler, bounces: u32, deeper: Option<&dyn Deeper>) -> Step {
+        let level = u8::try_from(bounces).unwrap_or(u8::MAX);
+        let askable = deeper.filter(|_| bounces < self.max_bounces && v.bsdf.has_diffuse());
+        let irradiance = askable.and_then(|d| d.irradiance(level, &v.point));
+        let sampled = if irradiance.is_some() { Sampled::Glossy } else { Sampled::Everything };
+        let cached = irradiance.map_or(Color::ZERO, |e| {
+            v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI
+        });
+        let light = self.light(v, sampler, sampled);
+        let next = self.scatter(v, sampler, sampled);
+        Step { cached, light, next }
+    }
+
+    /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.
+    pub(super) fn light(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(Ray, Reflected)> {
         let select = sampler.next_1d();
         let u = sampler.next_2d();
         if v.bsdf.is_delta_only() || self.scene.lights().is_empty() {
-            return (Color::ZERO, Color::ZERO);
+            return None;
         }
-        let facing = self.facing(&v.point);
-        let Some(light) = self.scene.lights().sample(v.point.position, facing, select, u) else {
-            return (Color::ZERO, Color::ZERO);
-        };
-        let Some((diffuse, glossy)) = reflected(self.scene, &v.point, &v.bsdf, &light, sampled) else {
-            return (Color::ZERO, Color::ZERO);
-        };
-        let ray = self.scene.shadow_ray(&v.point, &light);
-        if self.scene.occluded(&ray, seed ^ u64::from(bounces).rotate_left(32)) {
-            return (Color::ZERO, Color::ZERO);
-        }
-        (diffuse, glossy)
+        let light = self.scene.lights().sample(v.point.position, self.facing(&v.point), select, u)?;
+        let lit = reflected(self.scene, &v.point, &v.bsdf, &light, sampled)?;
+        Some((self.scene.shadow_ray(&v.point, &light), lit))
     }
 
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
-    fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
+    pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
         let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
@@ -226,6 +255,17 @@ impl PathTracer<'_> {
         let below = wi.dot(v.point.ng) <= 0.0;
         let valid = below == sample.transmitted && sample.weight.is_finite() && sample.weight != Color::ZERO;
         valid.then(|| (sample, self.scene.spawn(&v.point, wi)))
+    }
+}
+
+impl Radiance {
+    /// Adds the light that a direction sampled at the camera's surface brings, split by the lobes it leaves by.
+    pub(super) fn add(&mut self, v: &Vertex, sample: &BsdfSample, light: Incoming) {
+        let (diffuse, glossy) = split(v, sample);
+        self.diffuse_direct += diffuse * light.direct;
+        self.diffuse_indirect += diffuse * light.indirect;
+        self.glossy_direct += glossy * light.direct;
+        self.glossy_indirect += glossy * light.indirect;
     }
 }
 
@@ -251,8 +291,8 @@ pub(super) fn reflected(
     bsdf: &Bsdf,
     light: &LightSample,
     sampled: Sampled,
-) -> Option<(Color, Color)> {
-    let frame: &Frame = &at.frame;
+) -> Option<Reflected> {
+    let frame = &at.frame;
     let (wo, wi) = (frame.to_local(at.wo), frame.to_local(light.wi));
     if (wi.z > 0.0) != (light.wi.dot(at.ng) > 0.0) {
         return None;
@@ -278,5 +318,5 @@ pub(super) fn reflected(
         Sampled::Glossy => (1.0, 1.0),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
-    Some((diffuse * scale * for_diffuse, glossy * scale * for_glossy))
+    Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })
 }

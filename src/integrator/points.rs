@@ -1,0 +1,72 @@
+//! Where records are needed: the surface points that the camera sees, and those that light reaches them from.
+
+use super::path::{PathTracer, Sampled, Vertex};
+use crate::accel::Ray;
+use crate::camera::CameraRay;
+use crate::geometry::SurfacePoint;
+use crate::material::Lobe;
+use crate::math::Vec2;
+use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere};
+use rayon::prelude::*;
+
+/// Ideal mirrors and panes that a camera path follows before it gives up.
+pub(super) const LONGEST_CHAIN: u32 = 16;
+/// A pixel's shadow on a surface seen at a grazing angle is not taken longer than this multiple of its width.
+const MAX_STRETCH: f32 = 10.0;
+/// Footprint of points that the camera does not see, as a share of the scene's diagonal.
+const DEEPER_FOOTPRINT: f32 = 0.004;
+
+/// Diameter of a pixel of `camera` after a path of length `distance`, on a surface seen under the cosine `cos`.
+///
+/// The whole path counts, not its last segment: behind a mirror pixels go on growing as before it.
+pub(super) fn footprint(camera: &CameraRay, distance: f32, cos: f32) -> f32 {
+    (camera.pixel_offset + camera.pixel_angle * distance) * (1.0 / cos.max(1.0 / MAX_STRETCH)).sqrt()
+}
+
+impl PathTracer<'_> {
+    /// The first surface with a diffuse lobe that `camera` sees, straight or by ideal mirrors and panes, and the number of those.
+    pub fn first_diffuse(&self, camera: &CameraRay, seed: u64) -> Option<(SurfacePoint, u32)> {
+        let mut ray = Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
+        let mut sampler = Sampler::new(seed, 0);
+        let mut travelled = 0.0;
+        for bounces in 0..LONGEST_CHAIN {
+            let (mut point, distance) = self.scene.intersect(&ray, seed)?;
+            travelled += distance;
+            let bsdf = self.scene.shade(&mut point);
+            if bsdf.has_diffuse() {
+                point.footprint = footprint(camera, travelled, point.wo.dot(point.ng));
+                return Some((point, bounces));
+            }
+            if !bsdf.is_delta_only() {
+                return None;
+            }
+            let (sample, next) = self.scatter(&Vertex { point, bsdf }, &mut sampler, Sampled::Everything)?;
+            debug_assert!(sample.lobe == Lobe::Delta);
+            ray = next;
+        }
+        None
+    }
+
+    /// Points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
+    pub fn next_points(&self, points: &[SurfacePoint], count: usize, seed: u64) -> Vec<SurfacePoint> {
+        if points.is_empty() {
+            return Vec::new();
+        }
+        (0..count)
+            .into_par_iter()
+            .filter_map(|k| {
+                let words = hash(&[seed, k as u64]);
+                let from = &points[(k as u64 * points.len() as u64 / count as u64) as usize];
+                let u = Vec2::new(crate::sampling::unit_f32(words as u32), crate::sampling::unit_f32((words >> 32) as u32));
+                let dir = from.frame.to_world(square_to_cosine_hemisphere(u));
+                if dir.dot(from.ng) <= 0.0 {
+                    return None;
+                }
+                let (mut point, _) = self.scene.intersect(&self.scene.spawn(from, dir), words)?;
+                let bsdf = self.scene.shade(&mut point);
+                point.footprint = DEEPER_FOOTPRINT * self.scene.size();
+                bsdf.has_diffuse().then_some(point)
+            })
+            .collect()
+    }
+}

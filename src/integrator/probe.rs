@@ -1,0 +1,109 @@
+//! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their hits, paths where no cache helps.
+
+use super::path::{PathTracer, Start, Vertex};
+use crate::accel::{Coherence, Hit, Ray};
+use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
+use crate::geometry::SurfacePoint;
+use crate::math::Color;
+use crate::sampling::{Sampler, hash};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Sees indirect light: what the rays of a bundle hit reflects, but what it emits only if it was seen in a mirror.
+pub struct SceneProbe<'a> {
+    tracer: PathTracer<'a>,
+    counts: Counts,
+}
+
+/// Rays traced and caches asked, over all bundles so far.
+#[derive(Debug, Default)]
+pub struct Counts {
+    /// Rays of bundles.
+    pub bundle_rays: AtomicU64,
+    /// Shadow rays at their hits.
+    pub shadow_rays: AtomicU64,
+    /// Paths that went on behind a hit.
+    pub paths: AtomicU64,
+}
+
+impl<'a> SceneProbe<'a> {
+    /// The probe of `tracer`'s scene and path length.
+    pub fn new(tracer: PathTracer<'a>) -> Self {
+        Self { tracer, counts: Counts::default() }
+    }
+
+    /// What has been traced so far.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+}
+
+impl RadianceProbe for SceneProbe<'_> {
+    fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
+        let scene = self.tracer.scene;
+        let bounces = u32::from(level) + 1;
+
+        // Trace the rays that leave the surface on its outer side; a bent shading normal sends some of them inside.
+        let mut number = Vec::with_capacity(bundle.len());
+        let mut rays = Vec::with_capacity(bundle.len());
+        for (k, w) in bundle.dir_local.iter().enumerate() {
+            let dir = from.frame.to_world(*w);
+            if dir.dot(from.ng) > 0.0 {
+                number.push(k);
+                rays.push(scene.spawn(from, dir));
+            }
+        }
+        let mut hits = vec![Hit::MISS; rays.len()];
+        scene.intersect_many(&rays, Coherence::Bundle, &mut hits);
+
+        // Shade the hits; shadow rays wait to be traced together.
+        let mut shadows: Vec<Ray> = Vec::with_capacity(rays.len());
+        let mut lit: Vec<(usize, Color)> = Vec::with_capacity(rays.len());
+        let mut paths = 0;
+        for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
+            let seed = hash(&[bundle.seed, k as u64]);
+            let Some((mut point, distance)) = scene.resolve(ray, *hit, seed) else {
+                bundle.kind[k] = HitKind::Environment;
+                continue;
+            };
+            bundle.distance[k] = distance;
+            bundle.normal[k] = point.ng;
+            bundle.kind[k] = if scene.emission(&point) == Color::ZERO { HitKind::Surface } else { HitKind::Emitter };
+            if bounces > self.tracer.max_bounces {
+                continue;
+            }
+            let bsdf = scene.shade(&mut point);
+            let through = scene.material(&point).transmittance(&point, distance);
+            let vertex = Vertex { point, bsdf };
+            let mut sampler = Sampler::new(bundle.seed, k as u32);
+            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
+            let mut radiance = step.cached;
+            if let Some((shadow, reflected)) = step.light {
+                shadows.push(shadow);
+                lit.push((k, through * reflected.sum()));
+            }
+            if let Some((sample, next)) = step.next {
+                let start = Start { bounces, pdf: sample.pdf, origin: vertex.point };
+                let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(deeper));
+                radiance += sample.weight * (light.direct + light.indirect);
+                paths += 1;
+            }
+            bundle.radiance[k] = finite(through * radiance);
+        }
+
+        let mut blocked = vec![false; shadows.len()];
+        scene.occluded_many(&shadows, &mut blocked, bundle.seed);
+        for ((k, radiance), blocked) in lit.into_iter().zip(blocked) {
+            if !blocked {
+                bundle.radiance[k] += finite(radiance);
+            }
+        }
+        self.counts.bundle_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+        self.counts.shadow_rays.fetch_add(shadows.len() as u64, Ordering::Relaxed);
+        self.counts.paths.fetch_add(paths, Ordering::Relaxed);
+    }
+}
+
+/// A sample that is not a number must not spoil a record.
+fn finite(c: Color) -> Color {
+    if c.is_finite() { c } else { Color::ZERO }
+}
