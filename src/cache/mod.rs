@@ -67,6 +67,11 @@ impl Cache {
         &self.scheme
     }
 
+    /// Diagonal of the scene that radii are bounded by.
+    pub fn scene_size(&self) -> f32 {
+        self.scene_size
+    }
+
     /// Number of levels, filled or not.
     pub fn level_count(&self) -> u8 {
         self.levels.len() as u8

@@ -25,6 +25,13 @@ pub struct Counts {
     pub paths: AtomicU64,
 }
 
+impl Counts {
+    /// Bundle rays, shadow rays and paths.
+    pub fn totals(&self) -> [u64; 3] {
+        [&self.bundle_rays, &self.shadow_rays, &self.paths].map(|c| c.load(Ordering::Relaxed))
+    }
+}
+
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {

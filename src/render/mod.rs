@@ -1,1 +1,18 @@
-//! render.
+//! A frame from scene to files: fill, tiles, passes, threads; then layers, preview and statistics.
+
+pub mod display;
+
+mod clock;
+mod frame;
+mod output;
+mod records;
+mod selection;
+mod settings;
+mod stats;
+
+pub use clock::{Clock, peak_memory_bytes};
+pub use frame::{Frame, Watcher, frame};
+pub use output::{Facts, write_exr, write_preview};
+pub use selection::Selection;
+pub use settings::{IntegratorKind, Settings};
+pub use stats::stats;
