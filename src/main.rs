@@ -1,1 +1,9 @@
-fn main() {}
+//! The command line: arguments in, one call per subcommand.
+
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

@@ -1,0 +1,182 @@
+//! The arguments.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use lumicache::accel::Backend;
+use std::path::PathBuf;
+
+/// Global illumination by irradiance caching: glTF in, multi-layer OpenEXR out.
+#[derive(Parser)]
+#[command(name = "lumicache", version, max_term_width = 110)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Render a scene.
+    Render(Box<Render>),
+    /// List the caching schemes and their settings.
+    Presets {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Measure how far an image is from a reference.
+    Compare(Compare),
+    /// Describe a scene file.
+    Info {
+        /// The scene, .gltf or .glb.
+        scene: PathBuf,
+    },
+    /// Measure speed.
+    Bench {
+        #[command(subcommand)]
+        what: Bench,
+    },
+    /// Print a script that completes these commands in a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page (roff).
+    Man,
+}
+
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Both ray tracing back ends on one scene: build time, memory, and rays per second of each kind.
+    Accel(BenchAccel),
+}
+
+#[derive(Args)]
+pub struct BenchAccel {
+    /// The scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+    /// The camera, by name or number.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+}
+
+#[derive(Args)]
+pub struct Compare {
+    /// The image, .exr.
+    pub image: PathBuf,
+    /// The reference, .exr; pixels whose alpha is 0 in it are left out.
+    pub reference: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Write a picture of the FLIP error.
+    #[arg(long, value_name = "OUT.png")]
+    pub flip: Option<PathBuf>,
+    /// Compare the layer NAME.R, NAME.G, NAME.B of both files instead of R, G, B.
+    #[arg(long, value_name = "NAME")]
+    pub channel_prefix: Option<String>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum IntegratorName {
+    /// Irradiance caching.
+    Cache,
+    /// Path tracing, the reference.
+    Path,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum LightUnitsName {
+    /// Numbers as the file has them.
+    Photometric,
+    /// Punctual intensities divided by 683, for files that Blender exported.
+    Radiometric,
+}
+
+#[derive(Args)]
+pub struct Render {
+    /// The scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Output file; by default the scene's name with .exr in the current folder.
+    #[arg(short, long, value_name = "OUT.exr")]
+    pub output: Option<PathBuf>,
+    /// Light transport.
+    #[arg(long, value_enum, default_value = "cache")]
+    pub integrator: IntegratorName,
+    /// Caching scheme: see `lumicache presets`.
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub preset: String,
+    /// One number for everything: 1 is the default, 2 costs about twice as much, 0.5 half as much.
+    #[arg(long, value_name = "Q", default_value_t = 1.0)]
+    pub quality: f32,
+    /// Set one field of the scheme; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Image size; by default 720 rows of the camera's aspect, 1280x720 where it has none.
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Samples per pixel, 16 by default.
+    #[arg(long, value_name = "N")]
+    pub spp: Option<u32>,
+    /// Most surface interactions after the camera hit; without it paths end by Russian roulette alone.
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Rays per record.
+    #[arg(long, value_name = "N")]
+    pub rays: Option<u32>,
+    /// Allowed error of the scheme.
+    #[arg(long, value_name = "E")]
+    pub error: Option<f32>,
+    /// Ray tracer: embree or bvh.
+    #[arg(long, value_name = "NAME", default_value_t = Backend::default().name().to_owned())]
+    pub backend: String,
+    /// Number of threads; all processors by default.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Seed of everything random.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// The camera, by name or number.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+    /// Render only this window, in pixels; ends are excluded.
+    #[arg(long, value_name = "x0,y0,x1,y1")]
+    pub crop: Option<String>,
+    /// Light from infinity: an equirectangular image.
+    #[arg(long, value_name = "MAP.hdr|.exr")]
+    pub env: Option<PathBuf>,
+    /// Turn the environment about the vertical axis.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub env_rotate: f32,
+    /// Multiply the environment's radiance.
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub env_scale: f32,
+    /// How to read the intensities of point, spot and directional lights.
+    #[arg(long, value_enum, default_value = "photometric")]
+    pub light_units: LightUnitsName,
+    /// Fill the cache and stop.
+    #[arg(long)]
+    pub prepass_only: bool,
+    /// Layers beside the beauty: none, basic, all, or names.
+    #[arg(long, value_name = "LIST", default_value = "basic")]
+    pub aov: String,
+    /// Write an 8-bit sRGB picture too.
+    #[arg(long, value_name = "OUT.png")]
+    pub preview: Option<PathBuf>,
+    /// Exposure of the preview, in stops.
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub exposure: f32,
+    /// Write statistics as JSON.
+    #[arg(long, value_name = "OUT.json")]
+    pub stats: Option<PathBuf>,
+    /// Draw the records over the preview and into the layers gi.overlay and gi.level.
+    #[arg(long)]
+    pub show_records: bool,
+    /// Show the image under way in a tev viewer.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub display_server: Option<String>,
+    /// No progress and no warnings.
+    #[arg(long)]
+    pub quiet: bool,
+}

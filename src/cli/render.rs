@@ -1,0 +1,212 @@
+//! `lumicache render`.
+
+use super::Outcome;
+use super::args::{IntegratorName, LightUnitsName, Render};
+use super::terminal::{Bar, cancel_on_interrupt};
+use lumicache::accel::Backend;
+use lumicache::cache::{Preset, Scheme};
+use lumicache::camera::Camera;
+use lumicache::error::{Error, Result};
+use lumicache::fsutil;
+use lumicache::import::{self, ImportOptions, LightUnits};
+use lumicache::progress::{Phase, Progress};
+use lumicache::render::{self, Clock, Facts, IntegratorKind, Selection, Settings, display::Display};
+use lumicache::scene::Scene;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Samples per pixel at quality 1.
+const SPP: f32 = 16.0;
+
+pub fn run(arguments: &Render) -> Result<Outcome> {
+    // Everything that can be known to be wrong is found before the work starts.
+    let scheme = scheme(arguments)?;
+    let selection = Selection::parse(&arguments.aov)?;
+    let backend: Backend = arguments.backend.parse()?;
+    let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
+    let outputs = [Some(&output), arguments.preview.as_ref(), arguments.stats.as_ref()];
+    outputs.into_iter().flatten().try_for_each(|path| fsutil::check_writable(path))?;
+    let pool = threads(arguments.threads)?;
+
+    let progress = Arc::new(Progress::default());
+    cancel_on_interrupt(&progress);
+    let bar = Bar::new(&progress, arguments.quiet);
+    let mut clock = Clock::default();
+    let outcome = pool.install(|| {
+        job(arguments, scheme, &selection, backend, &output, &progress, &mut clock)
+    });
+    drop(bar);
+    let (frame_cancelled, warnings) = outcome?;
+    if !arguments.quiet {
+        warnings.iter().for_each(|w| eprintln!("lumicache: warning: {w}"));
+    }
+    Ok(if frame_cancelled { Outcome::Cancelled } else { Outcome::Done })
+}
+
+/// The run itself; returns whether it was cancelled, and the warnings.
+fn job(
+    arguments: &Render,
+    scheme: Scheme,
+    selection: &Selection,
+    backend: Backend,
+    output: &Path,
+    progress: &Progress,
+    clock: &mut Clock,
+) -> Result<(bool, Vec<String>)> {
+    clock.start(Phase::Load);
+    progress.start(Phase::Load, 0);
+    let mut data = import::gltf(&arguments.scene, &import_options(arguments))?;
+    if let Some(map) = &arguments.env {
+        data.environment = Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
+    }
+    let scene_hash = data.hash();
+    clock.start(Phase::Build);
+    progress.start(Phase::Build, 0);
+    let (scene, warnings) = Scene::new(data, backend)?;
+    let camera = camera(&scene, arguments.camera.as_deref(), &arguments.scene)?;
+    let settings = settings(arguments, scheme, camera)?;
+
+    let mut display = match &arguments.display_server {
+        Some(address) => Some(Display::connect(address, &title(output), settings.window[2] - settings.window[0], settings.window[3] - settings.window[1])?),
+        None => None,
+    };
+    let frame = render::frame(&scene, &settings, progress, clock, &mut |area, film| {
+        if let Some(display) = &mut display {
+            display.update(area, film);
+        }
+    })?;
+
+    clock.start(Phase::Write);
+    progress.start(Phase::Write, 0);
+    let facts = Facts {
+        seconds: clock.total_seconds(),
+        scene_hash,
+        backend: scene.accel().version(),
+        show_records: arguments.show_records,
+    };
+    if !arguments.prepass_only {
+        render::write_exr(output, &frame, &settings, selection, &facts)?;
+        if let Some(preview) = &arguments.preview {
+            render::write_preview(preview, &frame, &settings, arguments.exposure, arguments.show_records)?;
+        }
+    }
+    clock.stop();
+    if let Some(path) = &arguments.stats {
+        let stats = render::stats(&scene, &settings, &frame, clock, rayon::current_num_threads());
+        fsutil::write_atomically(path, format!("{stats:#}\n").as_bytes())?;
+    }
+    Ok((frame.cancelled, warnings))
+}
+
+pub fn import_options(arguments: &Render) -> ImportOptions {
+    let light_units = match arguments.light_units {
+        LightUnitsName::Photometric => LightUnits::Photometric,
+        LightUnitsName::Radiometric => LightUnits::Radiometric,
+    };
+    ImportOptions { light_units, ..ImportOptions::default() }
+}
+
+fn title(output: &Path) -> String {
+    output.file_name().map_or_else(|| "lumicache".to_owned(), |n| n.to_string_lossy().into_owned())
+}
+
+fn default_output(scene: &Path) -> PathBuf {
+    PathBuf::from(scene.file_stem().unwrap_or_default()).with_extension("exr")
+}
+
+fn threads(count: Option<usize>) -> Result<rayon::ThreadPool> {
+    if count == Some(0) || count.is_some_and(|n| n > 4096) {
+        return Err(Error::InvalidArgument("--threads must be between 1 and 4096".into()));
+    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(count.unwrap_or(0))
+        .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())
+        .build()
+        .map_err(|e| Error::Device(format!("threads could not be started: {e}")))
+}
+
+fn scheme(arguments: &Render) -> Result<Scheme> {
+    let mut scheme = Preset::by_name(&arguments.preset)?.scheme();
+    if !(arguments.quality.is_finite() && (0.01..=100.0).contains(&arguments.quality)) {
+        return Err(Error::InvalidArgument("--quality must be between 0.01 and 100".into()));
+    }
+    scheme.scale_quality(arguments.quality);
+    if let Some(rays) = arguments.rays {
+        scheme.set("rays", &rays.to_string())?;
+    }
+    if let Some(error) = arguments.error {
+        scheme.set("error", &error.to_string())?;
+    }
+    for setting in &arguments.set {
+        let (key, value) = setting
+            .split_once('=')
+            .ok_or_else(|| Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE")))?;
+        scheme.set(key.trim(), value.trim())?;
+    }
+    scheme.check()?;
+    Ok(scheme)
+}
+
+/// The camera called `wanted`, or with that number; the first without one, and one that frames the scene where the file has none.
+pub fn camera(scene: &Scene, wanted: Option<&str>, file: &Path) -> Result<Camera> {
+    let cameras = scene.cameras();
+    let Some(wanted) = wanted else {
+        return Ok(cameras.first().cloned().unwrap_or_else(|| import::default_camera(&scene.bounds())));
+    };
+    let by_name = cameras.iter().find(|c| c.name == wanted);
+    let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
+    by_name.or_else(by_number).cloned().ok_or_else(|| {
+        let names: Vec<_> = cameras.iter().enumerate().map(|(i, c)| format!("{i} `{}`", c.name)).collect();
+        let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        Error::InvalidArgument(format!("{}: there is no camera `{wanted}`; the cameras are {known}", file.display()))
+    })
+}
+
+fn settings(arguments: &Render, scheme: Scheme, camera: Camera) -> Result<Settings> {
+    let size = match &arguments.size {
+        Some(text) => parse_size(text)?,
+        None => {
+            let aspect = camera.aspect.unwrap_or(16.0 / 9.0).clamp(0.05, 20.0);
+            [(720.0 * aspect).round().max(1.0) as u32, 720]
+        }
+    };
+    let window = match &arguments.crop {
+        Some(text) => parse_window(text)?,
+        None => [0, 0, size[0], size[1]],
+    };
+    let spp = arguments.spp.unwrap_or_else(|| (SPP * arguments.quality).round().max(1.0) as u32);
+    if !(1..=1 << 20).contains(&spp) {
+        return Err(Error::InvalidArgument("--spp must be between 1 and 1048576".into()));
+    }
+    Ok(Settings {
+        integrator: match arguments.integrator {
+            IntegratorName::Cache => IntegratorKind::Cache,
+            IntegratorName::Path => IntegratorKind::Path,
+        },
+        scheme,
+        camera,
+        size,
+        window,
+        spp,
+        max_bounces: arguments.max_bounces.unwrap_or(u32::MAX),
+        seed: arguments.seed,
+        prepass_only: arguments.prepass_only,
+    })
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let parse = || {
+        let (w, h) = text.split_once(['x', 'X'])?;
+        Some([w.parse().ok()?, h.parse().ok()?])
+    };
+    parse().filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0)).ok_or_else(|| {
+        Error::InvalidArgument(format!("--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480"))
+    })
+}
+
+fn parse_window(text: &str) -> Result<[u32; 4]> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    numbers
+        .and_then(|n| n.try_into().ok())
+        .ok_or_else(|| Error::InvalidArgument(format!("--crop {text}: expected x0,y0,x1,y1 in pixels")))
+}
