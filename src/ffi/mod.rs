@@ -1,1 +1,6 @@
-//! ffi.
+//! The boundary to foreign code: raw declarations and the thin safe wrappers over them. The only modules, with `capi`, that may say `unsafe`.
+
+#[cfg(feature = "embree")]
+pub mod embree;
+pub mod mxcsr;
+pub mod ray;
