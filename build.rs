@@ -58,6 +58,7 @@ mod foreign {
             .allowlist_type("RTC.*")
             .allowlist_var("RTC.*")
             .prepend_enum_name(false)
+            .derive_default(true)
             .layout_tests(true)
             .generate()
             .unwrap_or_else(|e| fail(&format!("bindgen could not read {}: {e}", header.display())))
