@@ -1,5 +1,14 @@
 //! Surface materials: what glTF describes, the BRDFs of the caching papers, and their evaluation, sampling and densities.
 
+mod bsdf;
+mod energy;
+mod layered;
+mod microfacet;
+mod native;
+mod shade;
+
+pub use bsdf::{Bsdf, BsdfSample, Lobe};
+
 use crate::math::Color;
 use crate::texture::TextureRef;
 
@@ -123,6 +132,9 @@ pub struct Material {
     pub unlit: bool,
     /// A BRDF of the papers in place of the glTF model.
     pub native: Option<NativeBrdf>,
+    /// Accounts for light that scatters more than once between microfacets, so that rough surfaces lose no energy. Without it the glTF model
+    /// is the single-scattering one of older renderers.
+    pub multiple_scattering: bool,
 }
 
 impl Default for Material {
@@ -158,6 +170,7 @@ impl Default for Material {
             clearcoat_roughness_texture: None,
             unlit: false,
             native: None,
+            multiple_scattering: true,
         }
     }
 }

@@ -1,5 +1,9 @@
 //! Sampling of images as textures, with transforms and colour spaces.
 
+mod sample;
+
+pub use sample::lookup;
+
 pub use crate::imagefile::{TextureImage, TexturePixels};
 
 use crate::math::Vec2;
