@@ -84,7 +84,7 @@ impl<'a> CachedIntegrator<'a> {
             travelled += distance;
             point.footprint = footprint(&sample.camera, travelled, point.wo.dot(point.ng));
             let bsdf = scene.shade(&mut point);
-            beta *= scene.material(&point).transmittance(&point, distance);
+            beta *= scene.transmittance(&point, distance);
             let vertex = Vertex { point, bsdf };
             if bounces == 0 {
                 out.surface = Some(Surface::new(&point, &bsdf, distance));
@@ -104,7 +104,7 @@ impl<'a> CachedIntegrator<'a> {
             }
             let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };
             if scattered.lobe != Lobe::Delta {
-                let start = Start { bounces, pdf: scattered.pdf, origin: vertex.point };
+                let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
                 let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(self.cache as &dyn Deeper));
                 if bounces == 0 {
                     out.radiance.add(&vertex, &scattered, light);

@@ -6,7 +6,7 @@ mod points;
 mod probe;
 
 pub use cached::CachedIntegrator;
-pub use path::{PathTracer, Start};
+pub use path::{Origin, PathTracer, Start};
 pub use probe::{Counts, SceneProbe};
 
 use crate::accel::Ray;

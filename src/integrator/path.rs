@@ -33,7 +33,16 @@ pub struct Start {
     /// Density per steradian with which the direction was sampled, infinite if no light sampling could have chosen it.
     pub pdf: f32,
     /// Where the direction was sampled, for the density of light sampling.
-    pub origin: SurfacePoint,
+    pub origin: Origin,
+}
+
+/// A surface point as light sampling sees it.
+#[derive(Clone, Copy)]
+pub struct Origin {
+    /// The point.
+    pub position: Vec3,
+    /// The normal whose horizon hides lights; none where light from behind counts too.
+    pub facing: Option<Vec3>,
 }
 
 /// Which lobes the path goes on by, beside the light samples taken at a vertex.
@@ -49,6 +58,13 @@ pub(super) enum Sampled {
 pub(super) struct Vertex {
     pub point: SurfacePoint,
     pub bsdf: Bsdf,
+}
+
+impl Vertex {
+    /// The vertex as light sampling sees it.
+    pub fn origin(&self) -> Origin {
+        Origin { position: self.point.position, facing: (!self.bsdf.transmits()).then_some(self.point.ng) }
+    }
 }
 
 /// What happens at a vertex: see [`PathTracer::step`].
@@ -120,7 +136,7 @@ impl PathTracer<'_> {
             }
         }
         if let Some((scattered, next)) = self.scatter(&vertex, &mut sampler, Sampled::Everything) {
-            let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.point };
+            let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.origin() };
             let light = self.incoming(&next, &start, &mut sampler, seed, None);
             out.radiance.add(&vertex, &scattered, light);
         }
@@ -157,7 +173,7 @@ impl PathTracer<'_> {
                 return light;
             }
             let bsdf = self.scene.shade(&mut point);
-            beta *= self.scene.material(&point).transmittance(&point, distance);
+            beta *= self.scene.transmittance(&point, distance);
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
@@ -177,13 +193,13 @@ impl PathTracer<'_> {
                 }
                 beta /= survival;
             }
-            (ray, origin, first) = (next, vertex.point, false);
+            (ray, origin, first) = (next, vertex.origin(), false);
             pdf = sample.pdf;
         }
     }
 
     /// Light emitted towards the ray by what it hit, weighed against the light sampling done at `origin`.
-    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &SurfacePoint) -> Color {
+    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &Origin) -> Color {
         let lights = self.scene.lights();
         match hit {
             None => {
@@ -191,24 +207,24 @@ impl PathTracer<'_> {
                 if radiance == Color::ZERO {
                     return radiance;
                 }
-                radiance * power_heuristic(pdf, lights.pdf_environment(origin.position, self.facing(origin), ray.dir))
+                radiance * power_heuristic(pdf, lights.pdf_environment(origin.position, origin.facing, ray.dir))
             }
             Some((at, distance)) => {
                 let radiance = self.scene.emission(at);
                 if radiance == Color::ZERO {
                     return radiance;
                 }
-                let facing = self.facing(origin);
-                let other =
-                    lights.pdf_triangle(origin.position, facing, at.instance, at.triangle, ray.dir, distance);
+                let other = lights.pdf_triangle(
+                    origin.position,
+                    origin.facing,
+                    at.instance,
+                    at.triangle,
+                    ray.dir,
+                    distance,
+                );
                 radiance * power_heuristic(pdf, other)
             }
         }
-    }
-
-    /// The normal that light sampling is told: none where light from behind counts too.
-    fn facing(&self, at: &SurfacePoint) -> Option<Vec3> {
-        (!self.scene.material(at).transmits()).then_some(at.ng)
     }
 
     /// What happens at a vertex that is not the camera's: indirect light from a cache where one knows it, one light sample, and the next ray.
@@ -232,7 +248,8 @@ impl PathTracer<'_> {
         if v.bsdf.is_delta_only() || self.scene.lights().is_empty() {
             return None;
         }
-        let light = self.scene.lights().sample(v.point.position, self.facing(&v.point), select, u)?;
+        let origin = v.origin();
+        let light = self.scene.lights().sample(origin.position, origin.facing, select, u)?;
         let lit = reflected(self.scene, &v.point, &v.bsdf, &light, sampled)?;
         Some((self.scene.shadow_ray(&v.point, &light), lit))
     }
@@ -298,7 +315,7 @@ pub(super) fn reflected(
         return None;
     }
     let diffuse = if wi.z > 0.0 && bsdf.has_diffuse() { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO };
-    let glossy = if bsdf.has_glossy() { bsdf.f_glossy(wo, wi) } else { Color::ZERO };
+    let (glossy, glossy_pdf) = bsdf.f_pdf_glossy(wo, wi);
     if diffuse + glossy == Color::ZERO {
         return None;
     }
@@ -314,8 +331,7 @@ pub(super) fn reflected(
             let w = weight(bsdf.pdf(wo, wi));
             (w, w)
         }
-        Sampled::Glossy if bsdf.has_glossy() => (1.0, weight(bsdf.pdf_glossy(wo, wi))),
-        Sampled::Glossy => (1.0, 1.0),
+        Sampled::Glossy => (1.0, weight(glossy_pdf)),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })

@@ -79,7 +79,7 @@ impl RadianceProbe for SceneProbe<'_> {
                 continue;
             }
             let bsdf = scene.shade(&mut point);
-            let through = scene.material(&point).transmittance(&point, distance);
+            let through = scene.transmittance(&point, distance);
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
@@ -89,7 +89,7 @@ impl RadianceProbe for SceneProbe<'_> {
                 lit.push((k, through * reflected.sum()));
             }
             if let Some((sample, next)) = step.next {
-                let start = Start { bounces, pdf: sample.pdf, origin: vertex.point };
+                let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
                 let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(deeper));
                 radiance += sample.weight * (light.direct + light.indirect);
                 paths += 1;

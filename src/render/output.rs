@@ -80,8 +80,8 @@ fn world_to_camera(camera: &Camera) -> Mat4 {
 pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
     let aspect = size[0] as f32 / size[1] as f32;
     let projection = match camera.projection {
-        Projection::Perspective { yfov } => Mat4::perspective_infinite_rh(yfov, aspect, 0.01),
-        Projection::Orthographic { xmag, ymag } => Mat4::orthographic_rh(-xmag, xmag, -ymag, ymag, 0.01, 1e5),
+        Projection::Perspective { yfov } => glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5),
+        Projection::Orthographic { xmag, ymag } => glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5),
     };
     projection * world_to_camera(camera)
 }

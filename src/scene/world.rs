@@ -118,6 +118,16 @@ impl Scene {
         self.materials[at.material as usize].shade(&self.textures, at)
     }
 
+    /// What is left of radiance that travelled `distance` to the surface `at`: less than 1 inside an absorbing solid, whose surface is seen from behind.
+    #[inline]
+    pub fn transmittance(&self, at: &SurfacePoint, distance: f32) -> Color {
+        if !at.back_face {
+            return Color::ONE;
+        }
+        let attenuation = self.material(at).attenuation();
+        if attenuation == Color::ZERO { Color::ONE } else { (-attenuation * distance).exp() }
+    }
+
     /// The surface point of a hit, seen along `dir`.
     #[inline]
     pub fn surface(&self, hit: &Hit, dir: Vec3) -> SurfacePoint {
