@@ -1,0 +1,92 @@
+//! What the specification demands of the numbers in accessors, whether or not something shows them.
+
+use super::accessors::{Accessor, Accessors};
+use super::json::{Fault, Parsed};
+use super::layout::Component;
+
+/// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element lies outside the declared bounds.
+pub(super) fn check(accessors: &Accessors, warnings: &mut Vec<String>) -> Parsed<()> {
+    let mut loose = 0;
+    for accessor in &accessors.list {
+        loose += usize::from(check_one(accessors, accessor)?);
+    }
+    if loose > 0 {
+        warnings.push(format!("{loose} accessors declare bounds wider than their data, which changes nothing here"));
+    }
+    Ok(())
+}
+
+/// Lowest and highest value of one component.
+#[derive(Clone, Copy)]
+struct Extent {
+    low: f64,
+    high: f64,
+}
+
+/// True if the declared bounds are wider than the data.
+fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
+    let Some(layout) = accessor.layout else { return Ok(false) };
+    let has_bytes = accessor.view.is_none_or(|view| accessors.buffers().bytes(view).is_ok());
+    if !has_bytes {
+        return Ok(false);
+    }
+    let components = layout.shape.components();
+    let mut extents = vec![Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }; components];
+    let mut visit = |i: usize, k: usize, x: f64| {
+        if !x.is_finite() {
+            return Err(Fault::new(accessor.path.as_str(), format!("component {k} of element {i} is {x}, which is no finite number")));
+        }
+        let extent = &mut extents[k];
+        *extent = Extent { low: extent.low.min(x), high: extent.high.max(x) };
+        Ok(())
+    };
+    let overrides = accessors.overrides(accessor)?;
+    match accessors.base(accessor)? {
+        Some(base) => {
+            let mut replaced = overrides.iter().flat_map(|(places, _)| places).peekable();
+            for i in 0..accessor.count as usize {
+                if replaced.next_if(|p| **p as usize == i).is_some() {
+                    continue;
+                }
+                for k in 0..components {
+                    visit(i, k, base.get(i, k))?;
+                }
+            }
+        }
+        None if overrides.as_ref().is_none_or(|(places, _)| (places.len() as u64) < accessor.count) => {
+            (0..components).try_for_each(|k| visit(0, k, 0.0))?;
+        }
+        None => {}
+    }
+    if let Some((places, values)) = &overrides {
+        for (j, place) in places.iter().enumerate() {
+            for k in 0..components {
+                visit(*place as usize, k, values.get(j, k))?;
+            }
+        }
+    }
+    compare(accessor, layout.component == Component::F32, &extents)
+}
+
+/// Compares the declared bounds with the data's; true where they are wider.
+fn compare(accessor: &Accessor, float: bool, extents: &[Extent]) -> Parsed<bool> {
+    let mut loose = false;
+    for (side, key) in ["min", "max"].into_iter().enumerate() {
+        let Some(bounds) = &accessor.bounds[side] else { continue };
+        for (k, (declared, extent)) in bounds.iter().zip(extents).enumerate() {
+            // A declared bound was rounded to some decimals on its way through the text.
+            let slack = if float { 1e-4 * declared.abs().max(extent.low.abs()).max(extent.high.abs()) } else { 0.0 };
+            let (actual, beyond) = match side {
+                0 => (extent.low, declared - extent.low),
+                _ => (extent.high, extent.high - declared),
+            };
+            // Some exporters write the bounds of normalized integers as fractions.
+            if beyond > slack && !accessor.normalized {
+                let what = format!("{declared} is declared, and the data has {actual}");
+                return Err(Fault::new(format!("{}/{key}/{k}", accessor.path), what));
+            }
+            loose |= beyond < -slack;
+        }
+    }
+    Ok(loose)
+}

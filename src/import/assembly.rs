@@ -1,0 +1,278 @@
+//! The chosen scene put together: its nodes' meshes, cameras and lights in world space.
+
+use super::accessors::{Accessors, Format};
+use super::budget::Budget;
+use super::cameras::CameraKind;
+use super::json::{Fault, Parsed};
+use super::layout::{Component, Shape};
+use super::lights::Light;
+use super::nodes::{Graph, Instancing, Node};
+use super::primitives::{self, Mesh, Primitive, Recipe};
+use super::shading;
+use super::skins::{self, Skin};
+use crate::geometry::{Aabb, Instance, TriangleMesh};
+use crate::material::{Material, NativeBrdf};
+use crate::math::{Affine3A, Vec2, Vec3};
+use crate::scene::SceneData;
+use crate::texture::TextureRef;
+use glam::{DAffine3, DQuat, DVec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+const OFFSETS: Format = Format { shapes: &[Shape::Vec3], components: &[(Component::F32, None)] };
+const ROTATIONS: Format = Format {
+    shapes: &[Shape::Vec4],
+    components: &[(Component::F32, None), (Component::I8, Some(true)), (Component::I16, Some(true))],
+};
+
+/// The parts of a document that nodes refer to.
+pub(super) struct Parts<'p, 'a> {
+    pub accessors: &'p Accessors<'a>,
+    pub graph: &'p Graph,
+    pub meshes: &'p [Mesh],
+    pub skins: &'p [Skin],
+    pub cameras: &'p [Option<CameraKind>],
+    pub lights: &'p [Option<Light>],
+}
+
+/// A mesh of the scene with its object-space bounds.
+#[derive(Clone, Copy)]
+struct Placed {
+    mesh: u32,
+    bounds: Aabb,
+}
+
+/// Fills a scene, whose materials are there already, with what the nodes under `roots` show.
+pub(super) struct Assembly<'p, 'a> {
+    parts: Parts<'p, 'a>,
+    scene: SceneData,
+    budget: &'p mut Budget,
+    /// Meshes by recipe and morph weights; `None` for those without triangles.
+    made: HashMap<(Recipe, Vec<u32>), Option<Placed>>,
+    default_material: Option<u32>,
+    singular: usize,
+}
+
+impl<'p, 'a> Assembly<'p, 'a> {
+    /// An assembly of `parts` into `scene`.
+    pub fn new(parts: Parts<'p, 'a>, scene: SceneData, budget: &'p mut Budget) -> Self {
+        Self { parts, scene, budget, made: HashMap::new(), default_material: None, singular: 0 }
+    }
+
+    /// The finished scene.
+    pub fn build(mut self, roots: &[usize]) -> Parsed<SceneData> {
+        let graph = self.parts.graph;
+        let mut cameras = Vec::new();
+        for i in graph.reachable(roots) {
+            let node = &graph.nodes[i];
+            if let Some(index) = node.mesh {
+                self.mesh(node, &self.parts.meshes[index])?;
+            }
+            if let Some((index, kind)) = node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?))) {
+                let fallback = if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
+                match kind.placed(&node.to_world, fallback) {
+                    Some(camera) => cameras.push((index, camera)),
+                    None => self.scene.warnings.push(format!("{}: its camera has no direction and is left out", node.path)),
+                }
+            }
+            if let Some(light) = node.light.and_then(|l| self.parts.lights[l].as_ref()) {
+                match light.placed(&node.to_world) {
+                    Some(light) => self.scene.punctual.push(light),
+                    None => self.scene.warnings.push(format!("{}: its light has no direction and is left out", node.path)),
+                }
+            }
+        }
+        cameras.sort_by_key(|(index, _)| *index);
+        self.scene.cameras = cameras.into_iter().map(|(_, camera)| camera).collect();
+        if self.singular > 0 {
+            let what = format!("{} instances are left out because their scale or their transform is singular", self.singular);
+            self.scene.warnings.push(what);
+        }
+        Ok(self.scene)
+    }
+
+    fn mesh(&mut self, node: &Node, mesh: &'p Mesh) -> Parsed<()> {
+        let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
+        if let Some(skin) = node.skin {
+            return self.skinned(node, mesh, weights, &self.parts.skins[skin]);
+        }
+        let mut placed = Vec::new();
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let key = (primitive.recipe.clone(), weights.iter().map(|w| w.to_bits()).collect::<Vec<_>>());
+            let entry = match self.made.get(&key) {
+                Some(entry) => *entry,
+                None => {
+                    let built = primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+                    let entry = self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?;
+                    self.made.insert(key, entry);
+                    entry
+                }
+            };
+            placed.extend(entry);
+        }
+        match &node.instancing {
+            None => placed.iter().try_for_each(|p| self.instance(node, *p, node.to_world)),
+            Some(instancing) => {
+                for local in self.instances(node, instancing)? {
+                    placed.iter().try_for_each(|p| self.instance(node, *p, node.to_world * local))?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// A skinned mesh stands in the world by its joints alone: its node's own transform does not count.
+    fn skinned(&mut self, node: &Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
+        let matrices = skin.matrices(self.parts.graph, self.parts.accessors, self.budget)?;
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let mut built = primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+            let mut to_world = DAffine3::IDENTITY;
+            if built.influences.sets == 0 {
+                self.scene.warnings.push(format!("{}: it has no joints, so its skin does nothing", primitive.path));
+                to_world = node.to_world;
+            } else {
+                skins::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
+                let mesh = &mut built.mesh;
+                built.degenerate += super::topology::drop_degenerate(&mut mesh.indices, &mesh.positions);
+            }
+            if let Some(placed) = self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)? {
+                self.instance(node, placed, to_world)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Completes a mesh and adds it to the scene; `None` if nothing of it is left.
+    fn finish(&mut self, primitive: &Primitive, name: String, mut mesh: TriangleMesh, degenerate: usize) -> Parsed<Option<Placed>> {
+        mesh.name = name;
+        if degenerate > 0 {
+            self.scene.warnings.push(format!("{}: {degenerate} triangles without area are left out", primitive.path));
+        }
+        if mesh.indices.is_empty() {
+            return Ok(None);
+        }
+        let lost = shading::normalize(&mut mesh);
+        if lost > 0 {
+            self.scene.warnings.push(format!("{}: {lost} normals of length 0 are replaced", primitive.path));
+        }
+        if primitive.recipe.material.is_none() {
+            let scene = &mut self.scene;
+            mesh.material = *self.default_material.get_or_insert_with(|| {
+                scene.materials.push(Material { name: "default".to_owned(), ..Material::default() });
+                scene.materials.len() as u32 - 1
+            });
+        }
+        self.texture_space(primitive, &mut mesh);
+        let bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
+        self.scene.geometry.meshes.push(Arc::new(mesh));
+        Ok(Some(Placed { mesh: self.scene.geometry.meshes.len() as u32 - 1, bounds }))
+    }
+
+    /// Makes the tangents that the material needs, and tells of texture coordinates that it needs and the mesh lacks.
+    fn texture_space(&mut self, primitive: &Primitive, mesh: &mut TriangleMesh) {
+        let material = &self.scene.materials[mesh.material as usize];
+        let anisotropic = matches!(material.native, Some(NativeBrdf::WardDuer { .. } | NativeBrdf::Lafortune { .. }));
+        if let Some(set) = textures(material).map(|t| t.uv_set).find(|set| mesh.uv[usize::from(*set)].is_none()) {
+            let what = format!("{}: its material reads a texture at TEXCOORD_{set}, which it does not have", primitive.path);
+            self.scene.warnings.push(what);
+        }
+        if mesh.tangents.is_some() {
+            return;
+        }
+        match &material.normal_texture {
+            Some(t) => {
+                let (sin, cos) = t.rotation.sin_cos();
+                shading::generate_tangents(mesh, usize::from(t.uv_set), |uv| {
+                    let uv = uv * t.scale;
+                    t.offset + Vec2::new(cos * uv.x + sin * uv.y, cos * uv.y - sin * uv.x)
+                });
+            }
+            None if anisotropic => shading::generate_tangents(mesh, 0, |uv| uv),
+            None => {}
+        }
+    }
+
+    fn instance(&mut self, node: &Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
+        let to_world = Affine3A::from_mat3_translation(to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
+        let Aabb { min, max } = placed.bounds;
+        let reach = Vec3::max(min.abs(), max.abs());
+        let far = to_world.matrix3.x_axis.abs() * reach.x + to_world.matrix3.y_axis.abs() * reach.y + to_world.matrix3.z_axis.abs() * reach.z;
+        if !(far + to_world.translation.abs()).is_finite() {
+            return Err(Fault::new(node.path.as_str(), "its mesh leaves the range of numbers"));
+        }
+        if to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite() {
+            self.scene.geometry.instances.push(Instance { mesh: placed.mesh, to_world });
+        } else {
+            self.singular += 1;
+        }
+        Ok(())
+    }
+
+    /// The transforms of EXT_mesh_gpu_instancing, relative to the node.
+    fn instances(&mut self, node: &Node, instancing: &Instancing) -> Parsed<Vec<DAffine3>> {
+        let Parts { accessors, .. } = &self.parts;
+        let base = format!("{}/extensions/EXT_mesh_gpu_instancing/attributes", node.path);
+        let mut count = None;
+        for (key, index, format) in [
+            ("TRANSLATION", instancing.translation, &OFFSETS),
+            ("ROTATION", instancing.rotation, &ROTATIONS),
+            ("SCALE", instancing.scale, &OFFSETS),
+        ] {
+            let Some(index) = index else { continue };
+            let path = format!("{base}/{key}");
+            let accessor = accessors.expect(index, format, &path)?;
+            if *count.get_or_insert(accessor.count) != accessor.count {
+                return Err(Fault::new(path, "its count differs from that of the other attributes"));
+            }
+        }
+        let Some(count) = count else { return Ok(vec![DAffine3::IDENTITY]) };
+        let translations = match instancing.translation {
+            Some(index) => Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?),
+            None => None,
+        };
+        let rotations = match instancing.rotation {
+            Some(index) => Some(accessors.read::<4>(&accessors.list[index], None, 0.0, self.budget)?),
+            None => None,
+        };
+        let scales = match instancing.scale {
+            Some(index) => Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?),
+            None => None,
+        };
+        let vector = |values: &Option<Vec<[f32; 3]>>, i: usize, default: DVec3| {
+            values.as_ref().map_or(default, |v| DVec3::from_array(v[i].map(f64::from)))
+        };
+        let transform = |i: usize| {
+            let rotation = match &rotations {
+                Some(rotations) => DQuat::from_array(rotations[i].map(f64::from)),
+                None => DQuat::IDENTITY,
+            };
+            if rotation.length_squared() < 1e-6 {
+                return Err(Fault::new(format!("{base}/ROTATION"), format!("element {i} is no rotation: its length should be 1")));
+            }
+            let (scale, translation) = (vector(&scales, i, DVec3::ONE), vector(&translations, i, DVec3::ZERO));
+            Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
+        };
+        (0..count as usize).map(transform).collect()
+    }
+}
+
+fn name(mesh: &Mesh, primitive: usize) -> String {
+    if mesh.primitives.len() == 1 { mesh.name.clone() } else { format!("{}[{primitive}]", mesh.name) }
+}
+
+/// The textures that a material reads.
+fn textures(m: &Material) -> impl Iterator<Item = &TextureRef> {
+    [
+        &m.base_color_texture,
+        &m.metallic_roughness_texture,
+        &m.normal_texture,
+        &m.emission_texture,
+        &m.specular_texture,
+        &m.specular_color_texture,
+        &m.transmission_texture,
+        &m.clearcoat_texture,
+        &m.clearcoat_roughness_texture,
+    ]
+    .into_iter()
+    .flatten()
+}

@@ -1,0 +1,60 @@
+//! A bound on what a file may make of itself in memory.
+
+use super::json::Parsed;
+use super::json::Fault;
+
+/// Counts the bytes that decoding produces against the bytes that were read, so that a small hostile file cannot fill the memory.
+///
+/// Honest files come nowhere near: an index of one byte becomes four, a position of six becomes twelve.
+#[derive(Debug)]
+pub(super) struct Budget {
+    left: u64,
+}
+
+impl Budget {
+    /// Bytes that any file may decode to.
+    const BASE: u64 = 1 << 30;
+    /// Decoded bytes per byte read.
+    const RATIO: u64 = 64;
+
+    /// The allowance of a file that has yet to be read.
+    pub fn new() -> Self {
+        Self { left: Self::BASE }
+    }
+
+    /// `read` bytes more have been read.
+    pub fn feed(&mut self, read: u64) {
+        self.left = self.left.saturating_add(read.saturating_mul(Self::RATIO));
+    }
+
+    /// `count` elements of `size` bytes are about to be made for what stands at the JSON path `at`.
+    pub fn spend(&mut self, count: u64, size: u64, at: &str) -> Parsed<()> {
+        let bytes = count.saturating_mul(size);
+        match self.left.checked_sub(bytes) {
+            Some(left) => {
+                self.left = left;
+                Ok(())
+            }
+            None => Err(Fault::new(at, format!("decodes to {count} elements, out of all proportion to the size of the files"))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spending_is_bounded_and_does_not_overflow() {
+        let mut budget = Budget::new();
+        assert!(budget.spend(u64::MAX, u64::MAX, "/x").is_err());
+        assert!(budget.spend(1 << 20, 12, "/x").is_ok());
+        let mut rest = 0;
+        while budget.spend(1 << 24, 12, "/x").is_ok() {
+            rest += 1;
+        }
+        assert!(rest < 10);
+        budget.feed(u64::MAX);
+        assert!(budget.spend(1 << 40, 4, "/x").is_ok());
+    }
+}

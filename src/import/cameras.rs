@@ -1,0 +1,168 @@
+//! Cameras of the document, and the one for a document without.
+
+use super::json::{Json, Parsed, quote};
+use crate::camera::{Camera, Projection};
+use crate::geometry::Aabb;
+use crate::math::{Affine3A, Mat3, Vec3};
+use glam::{DAffine3, DVec3};
+use std::f64::consts::PI;
+
+/// A camera as the document describes it, still without a place.
+#[derive(Clone, Debug)]
+pub(super) struct CameraKind {
+    name: Option<String>,
+    projection: Projection,
+    aspect: Option<f32>,
+}
+
+/// All cameras of the document; `None` for one that cannot be used.
+pub(super) fn cameras(root: &Json, warnings: &mut Vec<String>) -> Parsed<Vec<Option<CameraKind>>> {
+    root.entities("cameras")?.iter().map(|json| camera(json, warnings)).collect()
+}
+
+fn camera(json: &Json, warnings: &mut Vec<String>) -> Parsed<Option<CameraKind>> {
+    let kind = json.need_string("type")?;
+    if json.has("perspective") && json.has("orthographic") {
+        return Err(json.fault("must have either a perspective or an orthographic property, and not both"));
+    }
+    let (projection, aspect) = match kind {
+        "perspective" => perspective(&json.need_object("perspective")?, warnings)?,
+        "orthographic" => orthographic(&json.need_object("orthographic")?, warnings)?,
+        other => {
+            warnings.push(format!("{} of the unknown type {} is left out", json.label(), quote(other)));
+            return Ok(None);
+        }
+    };
+    Ok(projection.map(|projection| CameraKind { name: json.object_name().map(str::to_owned), projection, aspect }))
+}
+
+fn check_depths(json: &Json, near: f64, far: Option<f64>) -> Parsed<()> {
+    match far {
+        Some(far) if far <= near => Err(json.fault_at("zfar", format!("{far} does not exceed znear {near}"))),
+        _ => Ok(()),
+    }
+}
+
+fn perspective(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projection>, Option<f32>)> {
+    let positive = |key: &str| match json.number(key)? {
+        Some(x) if x <= 0.0 => Err(json.fault_at(key, format!("{x} is not greater than 0"))),
+        x => Ok(x),
+    };
+    let yfov = positive("yfov")?.ok_or_else(|| json.missing("yfov"))?;
+    let near = positive("znear")?.ok_or_else(|| json.missing("znear"))?;
+    check_depths(json, near, positive("zfar")?)?;
+    let aspect = positive("aspectRatio")?.map(|a| a as f32);
+    if yfov >= PI {
+        warnings.push(format!("{}: the field of view of {yfov} rad is no angle below 180 degrees; the camera is left out", json.path()));
+        return Ok((None, aspect));
+    }
+    Ok((Some(Projection::Perspective { yfov: yfov as f32 }), aspect))
+}
+
+fn orthographic(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projection>, Option<f32>)> {
+    let magnification = |key: &str| match json.need_number(key)? {
+        0.0 => Err(json.fault_at(key, "must not be 0")),
+        x => Ok(x),
+    };
+    let (x, y) = (magnification("xmag")?, magnification("ymag")?);
+    let near = json.need_number("znear")?;
+    if near < 0.0 {
+        return Err(json.fault_at("znear", format!("{near} is less than 0")));
+    }
+    check_depths(json, near, Some(json.need_number("zfar")?))?;
+    if x < 0.0 || y < 0.0 {
+        warnings.push(format!("{}: a negative magnification is taken as a positive one", json.path()));
+    }
+    let (xmag, ymag) = (x.abs() as f32, y.abs() as f32);
+    Ok((Some(Projection::Orthographic { xmag, ymag }), Some(xmag / ymag)))
+}
+
+impl CameraKind {
+    /// The camera on a node, `None` where the node's transform leaves it no direction to look in.
+    pub fn placed(&self, to_world: &DAffine3, fallback_name: &str) -> Option<Camera> {
+        // The view axis and the up axis keep their directions; scale, shear and mirroring go.
+        let back = to_world.transform_vector3(DVec3::Z).try_normalize()?;
+        let right = to_world.transform_vector3(DVec3::Y).cross(back).try_normalize()?;
+        let rotation = Mat3::from_cols(right.as_vec3(), back.cross(right).as_vec3(), back.as_vec3());
+        Some(Camera {
+            name: self.name.clone().unwrap_or_else(|| fallback_name.to_owned()),
+            projection: self.projection,
+            aspect: self.aspect,
+            to_world: Affine3A::from_mat3_translation(rotation, to_world.translation.as_vec3()),
+        })
+    }
+}
+
+/// The camera for a scene without one: from the front, a little from the right and from above, with all of `bounds` in a picture of any
+/// aspect from 1 on. An empty box is taken as a point at the origin.
+pub fn default_camera(bounds: &Aabb) -> Camera {
+    const YFOV: f32 = 0.7;
+    const MARGIN: f32 = 1.05;
+    let (center, half) = if bounds.is_empty() {
+        (Vec3::ZERO, Vec3::ZERO)
+    } else {
+        (bounds.center(), 0.5 * (bounds.max - bounds.min))
+    };
+    let back = Vec3::new(0.55, 0.4, 1.0).normalize();
+    let right = Vec3::Y.cross(back).normalize();
+    let up = back.cross(right);
+    // A corner r is inside where |r·right| and |r·up| are at most tan * (distance - r·back).
+    let tan = (0.5 * YFOV).tan();
+    let mut distance = 0.0f32;
+    for corner in 0..8 {
+        let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+        let r = half * Vec3::new(sign(0), sign(1), sign(2));
+        distance = distance.max(r.dot(back) + MARGIN * r.dot(right).abs().max(r.dot(up).abs()) / tan);
+    }
+    if distance <= 0.0 {
+        distance = 1.0;
+    }
+    Camera {
+        name: "default".to_owned(),
+        projection: Projection::Perspective { yfov: YFOV },
+        aspect: None,
+        to_world: Affine3A::from_mat3_translation(Mat3::from_cols(right, up, back), center + distance * back),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_camera_sees_the_whole_box() {
+        for (min, max) in [
+            (Vec3::new(-1.0, -2.0, -3.0), Vec3::new(4.0, 5.0, 6.0)),
+            (Vec3::new(100.0, 0.0, 0.0), Vec3::new(101.0, 0.0, 50.0)),
+            (Vec3::ONE, Vec3::ONE),
+        ] {
+            let camera = default_camera(&Aabb { min, max });
+            let Projection::Perspective { yfov } = camera.projection else { panic!("not perspective") };
+            for i in 0..8 {
+                let pick = |bit: u32, a: f32, b: f32| if i >> bit & 1 == 0 { a } else { b };
+                let corner = Vec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z));
+                let local = camera.to_world.inverse().transform_point3(corner);
+                assert!(local.z < 0.0, "{local}");
+                let extent = local.x.abs().max(local.y.abs()) / -local.z;
+                assert!(extent < (0.5 * yfov).tan(), "{local}");
+            }
+        }
+        let nothing = default_camera(&Aabb::EMPTY);
+        assert!(nothing.to_world.is_finite());
+    }
+
+    #[test]
+    fn scale_and_mirroring_do_not_reach_the_camera() {
+        let kind = CameraKind { name: None, projection: Projection::Perspective { yfov: 1.0 }, aspect: None };
+        let node = DAffine3::from_scale_rotation_translation(
+            DVec3::new(-3.0, 0.5, 7.0),
+            glam::DQuat::from_rotation_y(1.0),
+            DVec3::new(1.0, 2.0, 3.0),
+        );
+        let camera = kind.placed(&node, "eye").unwrap();
+        let wanted = Affine3A::from_rotation_translation(glam::Quat::from_rotation_y(1.0), Vec3::new(1.0, 2.0, 3.0));
+        assert!(camera.to_world.abs_diff_eq(wanted, 1e-6), "{:?}", camera.to_world);
+        assert_eq!(camera.name, "eye");
+        assert!(kind.placed(&DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), "eye").is_none());
+    }
+}

@@ -1,0 +1,198 @@
+//! EXT_meshopt_compression and its successor KHR_meshopt_compression: compressed buffer views.
+
+use super::budget::Budget;
+use super::json::{Json, Parsed, quote};
+
+/// The names of the extension.
+pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Mode {
+    Attributes,
+    Triangles,
+    Indices,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Filter {
+    None,
+    Octahedral,
+    Quaternion,
+    Exponential,
+    Color,
+}
+
+/// A compressed buffer view as the document describes it.
+pub(super) struct Compressed<'a> {
+    /// The extension object.
+    pub json: Json<'a>,
+    /// Index of the buffer with the compressed bytes.
+    pub buffer: usize,
+    /// Where they begin.
+    pub offset: u64,
+    /// How many they are.
+    pub length: u64,
+    stride: u64,
+    count: u64,
+    mode: Mode,
+    filter: Filter,
+}
+
+fn extension<'a>(json: &Json<'a>) -> Parsed<Option<Json<'a>>> {
+    for name in NAMES {
+        if let Some(extension) = json.extension(name)? {
+            return Ok(Some(extension));
+        }
+    }
+    Ok(None)
+}
+
+/// True for a buffer that only stands for the decompressed bytes.
+pub(super) fn is_fallback(buffer: &Json) -> Parsed<bool> {
+    extension(buffer)?.map_or(Ok(false), |e| e.boolean("fallback", false))
+}
+
+impl<'a> Compressed<'a> {
+    /// The compression of a buffer view, `None` if it is stored plainly; `buffers` is the number of buffers.
+    pub fn of(view: &Json<'a>, buffers: usize) -> Parsed<Option<Self>> {
+        let Some(json) = extension(view)? else { return Ok(None) };
+        let mode = match json.need_string("mode")? {
+            "ATTRIBUTES" => Mode::Attributes,
+            "TRIANGLES" => Mode::Triangles,
+            "INDICES" => Mode::Indices,
+            other => return Err(json.fault_at("mode", format!("{} is no mode of this compression", quote(other)))),
+        };
+        let filter = match json.string("filter")? {
+            None | Some("NONE") => Filter::None,
+            Some("OCTAHEDRAL") => Filter::Octahedral,
+            Some("QUATERNION") => Filter::Quaternion,
+            Some("EXPONENTIAL") => Filter::Exponential,
+            Some("COLOR") => Filter::Color,
+            Some(other) => return Err(json.fault_at("filter", format!("{} is no filter of this compression", quote(other)))),
+        };
+        let this = Self {
+            buffer: json.need_index("buffer", "buffers", buffers)?,
+            offset: json.unsigned("byteOffset")?.unwrap_or(0),
+            length: json.need_positive("byteLength")?,
+            stride: json.need_positive("byteStride")?,
+            count: json.need_positive("count")?,
+            json,
+            mode,
+            filter,
+        };
+        this.check()?;
+        Ok(Some(this))
+    }
+
+    fn check(&self) -> Parsed<()> {
+        let Self { json, stride, mode, filter, .. } = self;
+        let stride_fits = match mode {
+            Mode::Attributes => stride % 4 == 0 && *stride <= 256,
+            Mode::Triangles | Mode::Indices => [2, 4].contains(stride),
+        };
+        if !stride_fits {
+            return Err(json.fault_at("byteStride", format!("{stride} does not suit the mode")));
+        }
+        if *mode == Mode::Triangles && self.count % 3 != 0 {
+            return Err(json.fault_at("count", format!("{} is not a multiple of 3", self.count)));
+        }
+        let filter_fits = match filter {
+            Filter::None => true,
+            Filter::Octahedral | Filter::Color => [4, 8].contains(stride),
+            Filter::Quaternion => *stride == 8,
+            Filter::Exponential => stride % 4 == 0,
+        };
+        if !filter_fits || (*filter != Filter::None && *mode != Mode::Attributes) {
+            return Err(json.fault_at("filter", format!("it does not suit the mode or the stride {stride}")));
+        }
+        Ok(())
+    }
+
+    /// Decompresses `source` to the `length` bytes of the view.
+    pub fn decode(&self, source: &[u8], length: u64, budget: &mut Budget) -> Parsed<Vec<u8>> {
+        let Self { json, stride, count, .. } = self;
+        if stride.checked_mul(*count) != Some(length) {
+            return Err(json.fault(format!("{count} elements of {stride} bytes are not the {length} bytes of the view")));
+        }
+        // The fewest bytes that the formats need: a byte for each triangle or index, 2 bits for 256 bytes of vertices.
+        let most = match self.mode {
+            Mode::Triangles => 3 * source.len() as u64,
+            Mode::Indices => source.len() as u64,
+            Mode::Attributes => (1024 * source.len() as u64) / stride,
+        };
+        if *count > most {
+            return Err(json.fault_at("count", format!("{} compressed bytes cannot hold {count} elements", source.len())));
+        }
+        budget.spend(*count, *stride, json.path())?;
+        let n = *count as usize;
+        let broken = |_| json.fault("the compressed data is broken");
+        let mut bytes = match (self.mode, stride) {
+            (Mode::Attributes, _) => vertices(source, n, *stride as usize).map_err(broken)?,
+            (Mode::Triangles, 2) => to_bytes(&::meshopt::decode_index_buffer::<u16>(source, n).map_err(broken)?),
+            (Mode::Triangles, _) => to_bytes(&::meshopt::decode_index_buffer::<u32>(source, n).map_err(broken)?),
+            (Mode::Indices, 2) => to_bytes(&::meshopt::decode_index_sequence::<u16>(source, n).map_err(broken)?),
+            (Mode::Indices, _) => to_bytes(&::meshopt::decode_index_sequence::<u32>(source, n).map_err(broken)?),
+        };
+        self.unfilter(&mut bytes);
+        Ok(bytes)
+    }
+
+    fn unfilter(&self, bytes: &mut Vec<u8>) {
+        use ::meshopt::{decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat};
+        match (self.filter, self.stride) {
+            (Filter::None, _) => {}
+            (Filter::Octahedral, 4) => in_place::<[i8; 4]>(bytes, decode_filter_oct),
+            (Filter::Octahedral, _) => in_place::<[i16; 4]>(bytes, decode_filter_oct),
+            (Filter::Quaternion, _) => in_place::<[i16; 4]>(bytes, decode_filter_quat),
+            (Filter::Exponential, _) => in_place::<[u32; 1]>(bytes, decode_filter_exp),
+            (Filter::Color, 4) => in_place::<[u8; 4]>(bytes, decode_filter_color),
+            (Filter::Color, _) => in_place::<[u16; 4]>(bytes, decode_filter_color),
+        }
+    }
+}
+
+/// Runs a filter over bytes that are elements of type `T`; they are copied because a byte vector need not be aligned for `T`.
+fn in_place<T: bytemuck::Pod>(bytes: &mut Vec<u8>, filter: impl FnOnce(&mut [T])) {
+    let mut elements: Vec<T> = bytemuck::pod_collect_to_vec(bytes);
+    filter(&mut elements);
+    bytes.copy_from_slice(bytemuck::cast_slice(&elements));
+}
+
+fn to_bytes<T: bytemuck::NoUninit>(elements: &[T]) -> Vec<u8> {
+    bytemuck::cast_slice(elements).to_vec()
+}
+
+/// A vertex of a size known to the compiler, which is how the decoder's binding learns it.
+#[derive(Clone)]
+struct Vertex<const WORDS: usize>([u32; WORDS]);
+
+impl<const WORDS: usize> Default for Vertex<WORDS> {
+    fn default() -> Self {
+        Self([0; WORDS])
+    }
+}
+
+fn vertices_of<const WORDS: usize>(source: &[u8], count: usize) -> ::meshopt::Result<Vec<u8>> {
+    let vertices = ::meshopt::decode_vertex_buffer::<Vertex<WORDS>>(source, count)?;
+    let mut bytes = Vec::with_capacity(count * WORDS * 4);
+    for vertex in &vertices {
+        bytes.extend_from_slice(bytemuck::cast_slice(&vertex.0));
+    }
+    Ok(bytes)
+}
+
+/// Calls [`vertices_of`] with the number of words in a stride, which is one of those listed.
+macro_rules! with_words {
+    ($source:expr, $count:expr, $words:expr; $($n:literal)*) => {
+        match $words {
+            $($n => vertices_of::<$n>($source, $count),)*
+            _ => Err(::meshopt::Error::Parse("unsupported vertex size".into())),
+        }
+    };
+}
+
+fn vertices(source: &[u8], count: usize, stride: usize) -> ::meshopt::Result<Vec<u8>> {
+    with_words!(source, count, stride / 4;
+        1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
+        33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64)
+}

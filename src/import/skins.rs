@@ -1,0 +1,112 @@
+//! Skins: vertices moved by joints in their rest pose.
+
+use super::accessors::{Accessors, Format};
+use super::budget::Budget;
+use super::json::{Fault, Json, Parsed};
+use super::layout::{Component, Shape};
+use super::nodes::Graph;
+use super::primitives::Influences;
+use crate::geometry::TriangleMesh;
+use crate::math::Vec3;
+use glam::{DAffine3, DMat4, DVec3};
+
+const MATRICES: Format = Format { shapes: &[Shape::Mat4], components: &[(Component::F32, None)] };
+
+/// A skin of the document.
+pub(super) struct Skin {
+    /// Nodes.
+    joints: Vec<usize>,
+    /// The accessor of the inverse bind matrices.
+    inverse_bind: Option<usize>,
+}
+
+/// Reads all skins.
+pub(super) fn skins(root: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Vec<Skin>> {
+    root.entities("skins")?.iter().map(|json| skin(json, accessors, nodes)).collect()
+}
+
+fn skin(json: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Skin> {
+    json.index("skeleton", "nodes", nodes)?;
+    let joints = json.array("joints")?.iter().map(|j| j.as_index("nodes", nodes)).collect::<Parsed<Vec<_>>>()?;
+    if joints.is_empty() {
+        return Err(json.fault("it has no joints"));
+    }
+    let inverse_bind = json.index("inverseBindMatrices", "accessors", accessors.list.len())?;
+    if let Some(index) = inverse_bind {
+        let matrices = accessors.expect(index, &MATRICES, &json.path_of("inverseBindMatrices"))?;
+        if matrices.count < joints.len() as u64 {
+            let what = format!("{} joints need as many matrices, and {} has {}", joints.len(), matrices.path, matrices.count);
+            return Err(json.fault_at("inverseBindMatrices", what));
+        }
+    }
+    Ok(Skin { joints, inverse_bind })
+}
+
+impl Skin {
+    /// What each joint does to a vertex: from the mesh's space to the world, in the rest pose.
+    pub fn matrices(&self, graph: &Graph, accessors: &Accessors, budget: &mut Budget) -> Parsed<Vec<DAffine3>> {
+        let bind = match self.inverse_bind {
+            Some(index) => Some(accessors.read::<16>(&accessors.list[index], None, 0.0, budget)?),
+            None => None,
+        };
+        let matrix = |(k, joint): (usize, &usize)| {
+            let bind = bind.as_ref().map_or(DAffine3::IDENTITY, |b| DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from))));
+            graph.nodes[*joint].to_world * bind
+        };
+        Ok(self.joints.iter().enumerate().map(matrix).collect())
+    }
+}
+
+/// Moves the vertices of `mesh` to the world by the joints' `matrices`; `path` names the primitive in messages.
+pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: &[DAffine3], path: &str) -> Parsed<()> {
+    let count = mesh.positions.len();
+    for i in 0..count {
+        let mut sum = 0.0;
+        let mut blend = [DVec3::ZERO; 4];
+        for set in 0..influences.sets {
+            let place = set * count + i;
+            for (joint, weight) in influences.joints[place].iter().zip(influences.weights[place]) {
+                if weight == 0.0 {
+                    continue;
+                }
+                let matrix = matrices.get(*joint as usize).ok_or_else(|| {
+                    Fault::new(path, format!("a vertex follows joint {joint}, and the skin has {}", matrices.len()))
+                })?;
+                sum += f64::from(weight);
+                for (column, added) in blend.iter_mut().zip(columns(matrix)) {
+                    *column += f64::from(weight) * added;
+                }
+            }
+        }
+        // A vertex that follows nothing stays with the first joint; weights that do not sum to 1 would scale.
+        let blend = match matrices {
+            [first, ..] if sum <= 1e-6 => columns(first),
+            _ => blend.map(|column| column / sum),
+        };
+        let place = |p: Vec3| {
+            let p = p.as_dvec3();
+            (blend[0] * p.x + blend[1] * p.y + blend[2] * p.z + blend[3]).as_vec3()
+        };
+        mesh.positions[i] = place(mesh.positions[i]);
+        if !mesh.positions[i].is_finite() {
+            return Err(Fault::new(path, "skinning moves a vertex out of the range of numbers"));
+        }
+        if let Some(normals) = &mut mesh.normals {
+            // The cofactor matrix is the inverse transpose but for a factor.
+            let n = normals[i].as_dvec3();
+            let moved =
+                blend[1].cross(blend[2]) * n.x + blend[2].cross(blend[0]) * n.y + blend[0].cross(blend[1]) * n.z;
+            normals[i] = moved.normalize_or_zero().as_vec3();
+        }
+        if let Some(tangents) = &mut mesh.tangents {
+            let t = tangents[i].as_dvec4();
+            let moved = blend[0] * t.x + blend[1] * t.y + blend[2] * t.z;
+            tangents[i] = moved.normalize_or_zero().as_vec3().extend(tangents[i].w);
+        }
+    }
+    Ok(())
+}
+
+fn columns(matrix: &DAffine3) -> [DVec3; 4] {
+    [matrix.matrix3.x_axis, matrix.matrix3.y_axis, matrix.matrix3.z_axis, matrix.translation]
+}
