@@ -106,7 +106,7 @@ impl Pixel {
 }
 
 /// A layer of the output file: a name, and one to four channels per pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Layer {
     /// What `--aov` calls it, and the first part of its channels' names; empty for the beauty.
     pub name: &'static str,
@@ -224,6 +224,12 @@ impl Film {
             }
         }
         channels
+    }
+
+    /// Mean radiance of the pixels of an area of the window (x0, y0, x1, y1, ends excluded), row by row.
+    pub fn area(&self, [x0, y0, x1, y1]: [u32; 4]) -> Vec<Color> {
+        let width = self.window_size()[0];
+        (y0..y1).flat_map(|y| (x0..x1).map(move |x| self.pixels[(y * width + x) as usize].radiance())).collect()
     }
 
     /// Mean radiance of every pixel.

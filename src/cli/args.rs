@@ -29,11 +29,6 @@ pub enum Command {
         /// The scene, .gltf or .glb.
         scene: PathBuf,
     },
-    /// Measure speed.
-    Bench {
-        #[command(subcommand)]
-        what: Bench,
-    },
     /// Print a script that completes these commands in a shell.
     Completions {
         /// The shell.
@@ -41,24 +36,6 @@ pub enum Command {
     },
     /// Print the manual page (roff).
     Man,
-}
-
-#[derive(Subcommand)]
-pub enum Bench {
-    /// Both ray tracing back ends on one scene: build time, memory, and rays per second of each kind.
-    Accel(BenchAccel),
-}
-
-#[derive(Args)]
-pub struct BenchAccel {
-    /// The scene, .gltf or .glb.
-    pub scene: PathBuf,
-    /// Print JSON instead of a table.
-    #[arg(long)]
-    pub json: bool,
-    /// The camera, by name or number.
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub camera: Option<String>,
 }
 
 #[derive(Args)]

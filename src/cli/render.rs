@@ -10,7 +10,7 @@ use lumicache::error::{Error, Result};
 use lumicache::fsutil;
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::progress::{Phase, Progress};
-use lumicache::render::{self, Clock, Facts, IntegratorKind, Selection, Settings, display::Display};
+use lumicache::render::{self, Clock, Facts, IntegratorKind, Selection, Settings, display::{Display, Tile}};
 use lumicache::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,19 +62,26 @@ fn job(
     let scene_hash = data.hash();
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
-    let (scene, warnings) = Scene::new(data, backend)?;
+    let (scene, mut warnings) = Scene::new(data, backend)?;
     let camera = camera(&scene, arguments.camera.as_deref(), &arguments.scene)?;
     let settings = settings(arguments, scheme, camera)?;
 
     let mut display = match &arguments.display_server {
-        Some(address) => Some(Display::connect(address, &title(output), settings.window[2] - settings.window[0], settings.window[3] - settings.window[1])?),
+        Some(address) => {
+            let [x0, y0, x1, y1] = settings.window;
+            Some(Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"])?)
+        }
         None => None,
     };
-    let frame = render::frame(&scene, &settings, progress, clock, &mut |area, film| {
+    let mut lost = None;
+    let frame = render::frame(&scene, &settings, progress, clock, &mut |[x0, y0, x1, y1], film| {
         if let Some(display) = &mut display {
-            display.update(area, film);
+            let data: Vec<f32> = film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
+            let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
+            lost = lost.take().or(display.update(tile, &data));
         }
     })?;
+    warnings.extend(lost);
 
     clock.start(Phase::Write);
     progress.start(Phase::Write, 0);

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::film::{LAYERS, Layer};
 
 /// The layers of the output file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Selection(Vec<&'static Layer>);
 
 impl Selection {

@@ -8,7 +8,7 @@ use crate::camera::Camera;
 use crate::geometry::Geometry;
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::Material;
-use crate::texture::Texture;
+use crate::texture::{Texture, TexturePixels};
 
 /// A scene as plain data: what an importer or a host fills in, and [`Scene`] is built from.
 #[derive(Clone, Debug, Default)]
@@ -27,4 +27,35 @@ pub struct SceneData {
     pub cameras: Vec<Camera>,
     /// What the importer wants the user to know, one line each.
     pub warnings: Vec<String>,
+}
+
+impl SceneData {
+    /// A hash of everything that changes the light in the scene, hexadecimal: geometry, materials, textures and lights, not the cameras.
+    pub fn hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for mesh in &self.geometry.meshes {
+            hasher.update(bytemuck::cast_slice(&mesh.positions));
+            hasher.update(bytemuck::cast_slice(&mesh.indices));
+            hasher.update(bytemuck::cast_slice(mesh.normals.as_deref().unwrap_or_default()));
+            hasher.update(bytemuck::cast_slice(mesh.tangents.as_deref().unwrap_or_default()));
+            hasher.update(bytemuck::cast_slice(mesh.uv[0].as_deref().unwrap_or_default()));
+            hasher.update(bytemuck::cast_slice(mesh.uv[1].as_deref().unwrap_or_default()));
+            hasher.update(bytemuck::cast_slice(mesh.colors.as_deref().unwrap_or_default()));
+            hasher.update(&mesh.material.to_le_bytes());
+        }
+        for texture in &self.textures {
+            match &texture.image.pixels {
+                TexturePixels::Rgba8(pixels) => hasher.update(pixels.as_flattened()),
+                TexturePixels::Rgba16(pixels) => hasher.update(bytemuck::cast_slice(pixels)),
+            };
+            hasher.update(format!("{:?}{:?}{}", texture.wrap_s, texture.wrap_t, texture.nearest).as_bytes());
+        }
+        if let Some(map) = &self.environment {
+            hasher.update(bytemuck::cast_slice(&map.pixels));
+            hasher.update(format!("{} {} {} {:?}", map.width, map.height, map.scale, map.from_world).as_bytes());
+        }
+        let rest = format!("{:?}{:?}{:?}", self.geometry.instances, self.materials, self.punctual);
+        hasher.update(rest.as_bytes());
+        hasher.finalize().to_hex().to_string()
+    }
 }
