@@ -49,7 +49,11 @@ struct Filling<'a> {
     seed: u64,
     reach: Reach,
     records: Vec<Record>,
+    /// The first `indexed` records as they stood when there were that many.
     index: Index,
+    indexed: usize,
+    /// The records made since.
+    fresh: Index,
     envelope: Envelope,
     stats: FillStats,
 }
@@ -81,6 +85,9 @@ impl Cache {
                 round *= 4;
             }
         }
+        // Neighbour clamping may have uncovered points of earlier rounds.
+        filling.reindex(true);
+        filling.round(&points.points, progress)?;
         let Filling { records, stats, .. } = filling;
         self.levels[usize::from(level)] = Some(self.finish(level, records));
         Ok(stats)
@@ -109,6 +116,8 @@ impl<'a> Filling<'a> {
             reach,
             records: Vec::new(),
             index: cache.index(&[], reach),
+            indexed: 0,
+            fresh: cache.index(&[], reach),
             envelope: Envelope::build(std::iter::empty()),
             stats: FillStats::default(),
         }
@@ -122,7 +131,7 @@ impl<'a> Filling<'a> {
                 return Err(Error::Cancelled);
             }
             let before = pending.len();
-            pending = pending.into_par_iter().filter(|&i| !self.index.covers(&points[i as usize])).collect();
+            pending = pending.into_par_iter().filter(|&i| !self.covers(&points[i as usize])).collect();
             self.stats.lookups += before as u64;
             self.stats.hits += (before - pending.len()) as u64;
             progress.advance((before - pending.len()) as u64);
@@ -136,6 +145,20 @@ impl<'a> Filling<'a> {
             self.stats.hits += chosen.len() as u64;
             progress.advance(chosen.len() as u64);
         }
+    }
+
+    fn covers(&self, at: &SurfacePoint) -> bool {
+        self.fresh.covers(at) || self.index.covers(at)
+    }
+
+    /// Indexes the records as they stand now. The index of all of them is made anew only when a quarter has been added: between those times new records go to a
+    /// small index of their own, and clamped ones keep their former reach in the large one.
+    fn reindex(&mut self, complete: bool) {
+        if complete || 4 * (self.records.len() - self.indexed) > self.records.len() {
+            self.indexed = self.records.len();
+            self.index = self.cache.index(&self.records, self.reach);
+        }
+        self.fresh = self.cache.index(&self.records[self.indexed..], self.reach);
     }
 
     /// A maximal set of candidates none of which is likely to be covered by the record of another, in ascending order: earlier points go first.
@@ -176,7 +199,7 @@ impl<'a> Filling<'a> {
             let envelope = &self.envelope;
             self.records.par_iter_mut().for_each(|r| r.length = envelope.value(r.position));
         }
-        self.index = self.cache.index(&self.records, self.reach);
+        self.reindex(false);
     }
 
     fn samples(&self) -> HemisphereSamples {
