@@ -18,11 +18,11 @@ const RGB_TO_XYZ: [[f32; 3]; 3] = [
     [(1_425_312.0 / 73_733_382.0) as f32, (8_788_810.0 / 73_733_382.0) as f32, (70_074_185.0 / 73_733_382.0) as f32],
 ];
 
-/// Exponent of the colour difference [Andersson20, Section 4.1.3].
+/// Exponent of the colour difference [Andersson20, Section 4.1].
 const Q_C: f32 = 0.7;
-/// Where the compression of large colour differences begins, as a part of the largest [Andersson20, Section 4.1.3].
+/// Where the compression of large colour differences begins, as a part of the largest [Andersson20, Section 4.1].
 const P_C: f32 = 0.4;
-/// What that point is mapped to [Andersson20, Section 4.1.3].
+/// What that point is mapped to [Andersson20, Section 4.1].
 const P_T: f32 = 0.95;
 /// Width of the feature detectors in degrees [Andersson20, Section 4.2].
 const FEATURE_WIDTH: f64 = 0.082;
@@ -93,7 +93,7 @@ fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
-/// The opponent space in which the blur happens: linear, unlike L*a*b* [Andersson20, Section 4.1.1].
+/// The opponent space in which the blur happens: linear, unlike L*a*b* [Andersson20, Section 4.1].
 fn ycxcz_of(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = relative_xyz(rgb);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -108,7 +108,7 @@ fn rgb_of([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     (matrix.inverse() * xyz).to_array()
 }
 
-/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20, Section 4.1.2].
+/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20, Section 4.1].
 fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let f = |t: f32| if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
@@ -118,12 +118,12 @@ fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     [lightness, 500.0 * (x - y) * hunt, 200.0 * (y - z) * hunt]
 }
 
-/// The distance for large differences: city block between lightness and the Euclidean distance of the rest [Andersson20, Section 4.1.3].
+/// The distance for large differences: city block between lightness and the Euclidean distance of the rest [Andersson20, Section 4.1].
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// Maps [0, P_C largest] to [0, P_T] and the rest to [P_T, 1] [Andersson20, Section 4.1.3].
+/// Maps [0, P_C largest] to [0, P_T] and the rest to [P_T, 1] [Andersson20, Section 4.1].
 fn compress(difference: f32, largest: f32) -> f32 {
     let knee = P_C * largest;
     if difference < knee { difference * P_T / knee } else { P_T + (difference - knee) / (largest - knee) * (1.0 - P_T) }
