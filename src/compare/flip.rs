@@ -1,4 +1,4 @@
-//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20].
+//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20, Section 4].
 //!
 //! Colour: both pictures go to YCxCz, are blurred by the eye's contrast sensitivity, and are compared by the HyAB distance in L*a*b* with Hunt's
 //! adjustment. Features: edges and points of the luminance are found at a fixed visual angle. The feature
@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 /// Pixels per degree of a 0.7 m wide screen of 3840 columns seen from 0.7 m [Andersson20, Section 4].
 pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
-/// Rec. 709 to XYZ, from the primaries and white of [BT709], row by row.
+/// Rec. 709 to XYZ, from the primaries and white of [BT709, Section 1], row by row.
 const RGB_TO_XYZ: [[f32; 3]; 3] = [
     [(10_135_552.0 / 24_577_794.0) as f32, (8_788_810.0 / 24_577_794.0) as f32, (4_435_075.0 / 24_577_794.0) as f32],
     [(2_613_072.0 / 12_288_897.0) as f32, (8_788_810.0 / 12_288_897.0) as f32, (887_015.0 / 12_288_897.0) as f32],
