@@ -100,3 +100,111 @@ fn exr_bytes_do_not_depend_on_threads() {
         }
     }
 }
+
+#[test]
+fn both_encoders_compress_alike() {
+    if ENCODERS.len() < 2 {
+        return; // Without OpenEXR there is nothing to compare.
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let size = [256, 256];
+    let shade = |x: u32, y: u32| 0.5 + 0.4 * (0.02 * x as f32).sin() * (0.03 * y as f32).cos();
+    // Smooth, and with 1 % of noise as a render has.
+    for (noisiness, most) in [(0.0, 0.15), (0.02, 0.55)] {
+        let channels = ["R", "G", "B"].map(|n| {
+            plane(n, SampleKind::Half, size, |x, y| {
+                shade(x, y) * (1.0 + noisiness * (noise(y * 256 + x + u32::from(n.as_bytes()[0])) - 0.5))
+            })
+        });
+        let layers = Layers { width: 256, height: 256, channels: channels.to_vec(), ..Layers::default() };
+        let sizes: Vec<f64> = ENCODERS.iter().map(|&e| written(&dir.path().join("a.exr"), &layers, e).len() as f64).collect();
+        assert!(sizes[0] / sizes[1] < 1.25 && sizes[1] / sizes[0] < 1.25, "{sizes:?}");
+        assert!(sizes.iter().all(|s| *s < most * 256.0 * 256.0 * 6.0), "{sizes:?}");
+    }
+}
+
+#[test]
+fn exr_errors_name_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let missing = dir.path().join("missing/a.exr");
+    for &encoder in ENCODERS {
+        assert!(exr::write_with(&missing, &picture(4, 4), encoder).unwrap_err().to_string().contains("missing/a.exr"));
+        let bad = Layers { channels: vec![], ..picture(4, 4) };
+        let path = dir.path().join("bad.exr");
+        assert!(exr::write_with(&path, &bad, encoder).unwrap_err().to_string().contains("bad.exr"));
+        assert!(!path.exists());
+    }
+    assert!(exr::read(&missing).unwrap_err().to_string().contains("missing/a.exr"));
+}
+
+/// A header of one float channel and the given data window and compression, followed by zeros.
+fn claim(min: [i32; 2], max: [i32; 2], compression: u8, zeros: usize) -> Vec<u8> {
+    let mut file = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
+    let mut attribute = |name: &str, kind: &str, value: &[u8]| {
+        file.extend([name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &(value.len() as u32).to_le_bytes(), value].concat());
+    };
+    let window: Vec<u8> = [min[0], min[1], max[0], max[1]].iter().flat_map(|v| v.to_le_bytes()).collect();
+    attribute("channels", "chlist", b"R\0\x02\0\0\0\0\0\0\0\x01\0\0\0\x01\0\0\0\0");
+    attribute("compression", "compression", &[compression]);
+    attribute("dataWindow", "box2i", &window);
+    attribute("displayWindow", "box2i", &window);
+    attribute("lineOrder", "lineOrder", &[0]);
+    attribute("pixelAspectRatio", "float", &1f32.to_le_bytes());
+    attribute("screenWindowCenter", "v2f", &[0; 8]);
+    attribute("screenWindowWidth", "float", &1f32.to_le_bytes());
+    file.extend(vec![0; 1 + zeros]);
+    file
+}
+
+#[test]
+fn hostile_exr_headers_fail_at_once() {
+    let big = 999_999_999;
+    for compression in 0..12 {
+        for (min, max) in [
+            ([0, 0], [big, big]),
+            ([0, 0], [0, big]),
+            ([0, 0], [big, 0]),
+            ([i32::MIN, i32::MIN], [i32::MAX, i32::MAX]),
+            ([5, 5], [0, 0]),
+            ([0, 0], [99_999, 99_999]),
+            ([0, 0], [9, 9]),
+        ] {
+            let start = std::time::Instant::now();
+            let error = exr::read_bytes(&claim(min, max, compression, 100)).unwrap_err();
+            assert!(!error.is_empty() && start.elapsed().as_secs_f64() < 2.0, "{compression} {max:?}: {error}");
+        }
+    }
+    assert!(exr::read_bytes(&claim([0, 0], [big, big], 3, 0)).unwrap_err().contains("cannot hold"));
+}
+
+#[test]
+fn damaged_exr_files_never_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let good = written(&dir.path().join("a.exr"), &picture(40, 40), Encoder::Exrs);
+    for length in (0..good.len()).step_by(97) {
+        assert!(exr::read_bytes(&good[..length]).is_err(), "cut at {length}");
+    }
+    // Errors and unharmed readings are both fine; a panic is not.
+    for round in 0..2000u32 {
+        let mut bad = good.clone();
+        for i in 0..3 {
+            let place = (noise(round * 8 + i) * if round % 2 == 0 { 900.0 } else { good.len() as f32 }) as usize;
+            bad[place] = (256.0 * noise(round * 8 + 4 + i)) as u8;
+        }
+        let _ = exr::read_bytes(&bad);
+    }
+}
+
+#[test]
+fn the_damaged_files_of_openexr_are_errors_or_pictures() {
+    let Some(folder) = crate::testdata::find("scenes/malformed/openexr-damaged-a") else { return };
+    let mut refused = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if let Err(e) = exr::read(&path) {
+            assert!(e.to_string().contains(path.file_name().unwrap().to_str().unwrap()), "{e}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 0);
+}

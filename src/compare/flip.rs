@@ -1,4 +1,4 @@
-//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20].
+//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20, Section 4].
 //!
 //! Colour: both pictures go to YCxCz, are blurred by the eye's contrast sensitivity, and are compared by the HyAB distance in L*a*b* with Hunt's
 //! adjustment. Features: edges and points of the luminance are found at a fixed visual angle. The feature
@@ -11,18 +11,18 @@ use std::f64::consts::PI;
 /// Pixels per degree of a 0.7 m wide screen of 3840 columns seen from 0.7 m [Andersson20, Section 4].
 pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
-/// Rec. 709 to XYZ, from the primaries and white of [BT709], row by row.
+/// Rec. 709 to XYZ, from the primaries and white of [BT709, Section 1], row by row.
 const RGB_TO_XYZ: [[f32; 3]; 3] = [
     [(10_135_552.0 / 24_577_794.0) as f32, (8_788_810.0 / 24_577_794.0) as f32, (4_435_075.0 / 24_577_794.0) as f32],
     [(2_613_072.0 / 12_288_897.0) as f32, (8_788_810.0 / 12_288_897.0) as f32, (887_015.0 / 12_288_897.0) as f32],
     [(1_425_312.0 / 73_733_382.0) as f32, (8_788_810.0 / 73_733_382.0) as f32, (70_074_185.0 / 73_733_382.0) as f32],
 ];
 
-/// Exponent of the colour difference [Andersson20, Section 4.1.3].
+/// Exponent of the colour difference [Andersson20, Section 4.1].
 const Q_C: f32 = 0.7;
-/// Where the compression of large colour differences begins, as a part of the largest [Andersson20, Section 4.1.3].
+/// Where the compression of large colour differences begins, as a part of the largest [Andersson20, Section 4.1].
 const P_C: f32 = 0.4;
-/// What that point is mapped to [Andersson20, Section 4.1.3].
+/// What that point is mapped to [Andersson20, Section 4.1].
 const P_T: f32 = 0.95;
 /// Width of the feature detectors in degrees [Andersson20, Section 4.2].
 const FEATURE_WIDTH: f64 = 0.082;
@@ -93,7 +93,7 @@ fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
-/// The opponent space in which the blur happens: linear, unlike L*a*b* [Andersson20, Section 4.1.1].
+/// The opponent space in which the blur happens: linear, unlike L*a*b* [Andersson20, Section 4.1].
 fn ycxcz_of(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = relative_xyz(rgb);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -108,7 +108,7 @@ fn rgb_of([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     (matrix.inverse() * xyz).to_array()
 }
 
-/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20, Section 4.1.2].
+/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20, Section 4.1].
 fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let f = |t: f32| if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
@@ -118,12 +118,12 @@ fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     [lightness, 500.0 * (x - y) * hunt, 200.0 * (y - z) * hunt]
 }
 
-/// The distance for large differences: city block between lightness and the Euclidean distance of the rest [Andersson20, Section 4.1.3].
+/// The distance for large differences: city block between lightness and the Euclidean distance of the rest [Andersson20, Section 4.1].
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// Maps [0, P_C largest] to [0, P_T] and the rest to [P_T, 1] [Andersson20, Section 4.1.3].
+/// Maps [0, P_C largest] to [0, P_T] and the rest to [P_T, 1] [Andersson20, Section 4.1].
 fn compress(difference: f32, largest: f32) -> f32 {
     let knee = P_C * largest;
     if difference < knee { difference * P_T / knee } else { P_T + (difference - knee) / (largest - knee) * (1.0 - P_T) }

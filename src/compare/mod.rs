@@ -43,7 +43,7 @@ pub struct Report {
     pub mean_ratio_rgb: [Option<f64>; 3],
     /// Decibels between the pictures as a display shows them (clamped, sRGB), relative to its white; none if they are equal.
     pub psnr: Option<f64>,
-    /// Mean LDR-FLIP, from 0 to 1, of the clamped pictures at 67 pixels per degree [Andersson20].
+    /// Mean LDR-FLIP, from 0 to 1, of the clamped pictures at 67 pixels per degree [Andersson20, Section 4].
     pub flip: f64,
 }
 

@@ -19,7 +19,7 @@ const MAX_PIXELS_PER_BYTE_PNG: u64 = 8 * 1032;
 const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 
 /// Decodes a PNG, JPEG or WebP file, told apart by content. 16-bit files keep their precision, all others become 8 bits; gray is repeated into
-/// R, G and B; missing alpha is opaque. The values are the file's: no transfer function, profile or orientation is applied, as glTF demands [glTF20, 3.8.2].
+/// R, G and B; missing alpha is opaque. The values are the file's: no profile, gamma or orientation is applied, as glTF wants it [glTF20, 3.8.3].
 ///
 /// # Errors
 /// What is wrong, without the file's name: another format, damage, no pixels, more than [`MAX_SIZE`] columns or rows.
@@ -84,7 +84,7 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()
     write_atomically(path, &bytes)
 }
 
-/// Linear colours as sRGB bytes: scaled by 2 to the power `exposure_ev`, clamped to the unit interval, encoded [IEC61966, 5.2], rounded. NaN becomes 0.
+/// Linear colours as sRGB bytes: scaled by 2 to the power `exposure_ev`, clamped to the unit interval, encoded [IEC61966, Section 5], rounded. NaN becomes 0.
 pub fn to_srgb8(linear: &[Color], exposure_ev: f32) -> Vec<u8> {
     let scale = exposure_ev.exp2();
     linear.iter().flat_map(|c| c.to_array()).map(|x| to_byte(encode_srgb(x * scale))).collect()
@@ -95,7 +95,7 @@ fn to_byte(x: f32) -> u8 {
     (x * 255.0 + 0.5) as u8
 }
 
-/// The sRGB encoding of a linear value: 12.92 x up to 0.0031308, then 1.055 x^(1/2.4) - 0.055 [IEC61966, 5.2]; clamps to the unit interval, keeps NaN.
+/// The sRGB encoding of a linear value: 12.92 x up to 0.0031308, then 1.055 x^(1/2.4) - 0.055 [IEC61966, Section 5]; clamps to the unit interval, keeps NaN.
 pub fn encode_srgb(linear: f32) -> f32 {
     let x = linear.clamp(0.0, 1.0);
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }

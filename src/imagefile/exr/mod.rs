@@ -63,7 +63,7 @@ pub enum Attribute {
     Chromaticities([f32; 8]),
 }
 
-/// The chromaticities of linear Rec. 709 with white D65 [BT709, Item 1.3 and 1.4].
+/// The chromaticities of linear Rec. 709 with white D65 [BT709, Section 1].
 pub const REC_709: Attribute = Attribute::Chromaticities([0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290]);
 
 /// Where the pixels of a [`Layers`] lie in a larger picture.
