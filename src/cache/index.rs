@@ -31,6 +31,8 @@ enum Node {
 
 /// Leaves with this many records or fewer are not split.
 const LEAF: usize = 6;
+/// Cells are not split below this share of the harmonic mean radius of their records.
+const SMALLEST_CELL: f32 = 0.25;
 /// Deepest level of the tree.
 const MAX_DEPTH: u32 = 20;
 
@@ -99,9 +101,9 @@ impl Index {
     }
 
     fn split(&mut self, node: usize, list: Vec<Entry>, center: Vec3, half: f32, depth: u32) {
-        // A cell much smaller than its records would only repeat its parent's list.
-        let widest = list.iter().map(|e| e.inverse_radius).fold(f32::INFINITY, f32::min);
-        if list.len() <= LEAF || depth == MAX_DEPTH || half * widest < 0.25 {
+        // A cell much smaller than its records would only repeat its parent's list; the mean of the inverse radii speaks for the small ones among them.
+        let mean = list.iter().map(|e| e.inverse_radius).sum::<f32>() / list.len() as f32;
+        if list.len() <= LEAF || depth == MAX_DEPTH || half * mean < SMALLEST_CELL {
             self.nodes[node] = Node::Leaf { first: self.entries.len() as u32, count: list.len() as u32 };
             self.entries.extend(list);
             return;

@@ -65,7 +65,7 @@ impl<'a> CachedIntegrator<'a> {
     fn shade_one(&self, sample: &CameraSample, ray: &Ray, hit: Hit, mut shadow: impl FnMut(Ray, Reflected, bool)) -> Shaded {
         let scene = self.tracer.scene;
         let mut out = Shaded::default();
-        let mut sampler = sample.sampler();
+        let mut sampler = sample.sampler.clone();
         let seed = sample.alpha_seed();
         let mut found = scene.resolve(ray, hit, seed);
         let (mut ray, mut beta, mut travelled) = (*ray, Color::ONE, 0.0);

@@ -49,7 +49,7 @@ impl Radiance {
 }
 
 /// One sample of one pixel, ready to be traced.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct CameraSample {
     /// The ray with its footprint.
     pub camera: CameraRay,
@@ -57,6 +57,8 @@ pub struct CameraSample {
     pub seed: u64,
     /// Number in that sequence.
     pub index: u32,
+    /// The sample's stream behind the numbers that chose its place in the pixel.
+    sampler: Sampler,
     /// Only records with ids below this may be used.
     pub limit: u32,
 }
@@ -64,16 +66,10 @@ pub struct CameraSample {
 impl CameraSample {
     /// Sample `index` of the pixel with `seed` at the integer position `pixel` of an image of `size` pixels.
     pub fn new(camera: &Camera, pixel: [u32; 2], size: [u32; 2], seed: u64, index: u32, limit: u32) -> Self {
-        let jitter = Sampler::new(seed, index).next_2d();
+        let mut sampler = Sampler::new(seed, index);
+        let jitter = sampler.next_2d();
         let raster = Vec2::new(pixel[0] as f32, pixel[1] as f32) + jitter;
-        Self { camera: camera.ray(raster, size), seed, index, limit }
-    }
-
-    /// The sample's stream behind the numbers that chose its place in the pixel.
-    fn sampler(&self) -> Sampler {
-        let mut sampler = Sampler::new(self.seed, self.index);
-        sampler.next_2d();
-        sampler
+        Self { camera: camera.ray(raster, size), seed, index, sampler, limit }
     }
 
     /// The ray.

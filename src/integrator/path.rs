@@ -120,7 +120,7 @@ impl PathTracer<'_> {
     /// Shades one camera sample.
     pub(super) fn shade(&self, sample: &CameraSample) -> Shaded {
         let mut out = Shaded::default();
-        let (mut sampler, seed, ray) = (sample.sampler(), sample.alpha_seed(), sample.ray());
+        let (mut sampler, seed, ray) = (sample.sampler.clone(), sample.alpha_seed(), sample.ray());
         let Some((mut point, distance)) = self.scene.intersect(&ray, seed) else {
             out.radiance.emission = self.scene.lights().environment(ray.dir);
             return out;
@@ -243,8 +243,9 @@ impl PathTracer<'_> {
 
     /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.
     pub(super) fn light(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(Ray, Reflected)> {
-        let select = sampler.next_1d();
+        // In this order a pixel's place, the light sample and the choices after it take two whole sets of the sequence.
         let u = sampler.next_2d();
+        let select = sampler.next_1d();
         if v.bsdf.is_delta_only() || self.scene.lights().is_empty() {
             return None;
         }
@@ -256,12 +257,14 @@ impl PathTracer<'_> {
 
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
     pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
+        if sampled == Sampled::Glossy && !v.bsdf.has_glossy() {
+            return None;
+        }
         let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
             Sampled::Everything => v.bsdf.sample(wo, lobe, u),
-            Sampled::Glossy if v.bsdf.has_glossy() => v.bsdf.sample_glossy(wo, lobe, u),
-            Sampled::Glossy => None,
+            Sampled::Glossy => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
     }
