@@ -28,7 +28,7 @@ pub struct Lights {
     environment_weight: f32,
     directional: Vec<(u32, PunctualLight)>,
     /// Probability of the lights at infinity where both groups reach the receiver.
-    infinite_share: f64,
+    infinite_share: f32,
     /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty for an instance that does not emit.
     emitters: Vec<Vec<u32>>,
     power: Color,
@@ -69,7 +69,7 @@ impl Lights {
             emitters: index_emitters(geometry, tree.triangles()),
             environment_weight: 0.25 * weight(fluence),
             power: finite_power + (fluence + parallel) * (PI * radius * radius),
-            infinite_share: f64::from(share),
+            infinite_share: share,
             tree,
             environment,
             directional,
@@ -154,7 +154,7 @@ impl Lights {
             return 0.0;
         }
         let (infinite, _) = self.infinite_probability(p, n);
-        (1.0 - infinite) as f32 * self.tree.probability(p, n, index) * density
+        (1.0 - infinite) * self.tree.probability(p, n, index) * density
     }
 
     /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way of the environment.
@@ -164,11 +164,11 @@ impl Lights {
             return 0.0;
         }
         let (infinite, total) = self.infinite_probability(p, n);
-        infinite as f32 * (self.environment_weight / total) * environment.pdf(n, wi)
+        infinite * (self.environment_weight / total) * environment.pdf(n, wi)
     }
 
     /// The probability of the lights at infinity, and the sum of their weights.
-    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f64, f32) {
+    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f32, f32) {
         let total = self.environment_weight + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
         if total <= 0.0 {
             (0.0, total)
@@ -181,23 +181,17 @@ impl Lights {
 
     /// Distributes the choices of a comb over all lights, those at infinity first.
     fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, out: &mut impl FnMut(Light, Share)) {
-        let (infinite, total) = self.infinite_probability(p, n);
-        let mut rest = Share { start: 0.0, probability: 1.0, choices: 0..comb.count };
-        if infinite > 0.0 {
-            let environment = self.environment.as_ref().map(|_| (Light::Environment, self.environment_weight));
-            let directional = (0..).zip(&self.directional).map(|(i, (_, l))| (Light::Directional(i), l.importance(p, n)));
-            for (light, value) in environment.into_iter().chain(directional) {
-                let probability = infinite * f64::from(value / total);
-                let (choices, others) = comb.split(&rest.choices, rest.start + probability);
-                if value > 0.0 && !choices.is_empty() {
-                    out(light, Share { start: rest.start, probability, choices });
-                }
-                rest = Share { start: rest.start + probability, probability: 0.0, choices: others };
+        let (infinite, _) = self.infinite_probability(p, n);
+        let groups = comb.split(Share::all(comb), [infinite, 1.0 - infinite].into_iter());
+        for (group, share) in groups {
+            if group == 1 {
+                self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+                continue;
             }
-        }
-        if infinite < 1.0 {
-            let share = Share { start: infinite, probability: 1.0 - infinite, choices: rest.choices };
-            self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+            let directional = self.directional.iter().map(|(_, l)| l.importance(p, n));
+            for (i, share) in comb.split(share, std::iter::once(self.environment_weight).chain(directional)) {
+                out(if i == 0 { Light::Environment } else { Light::Directional(i - 1) }, share);
+            }
         }
     }
 

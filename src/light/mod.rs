@@ -2,6 +2,7 @@
 
 mod bounds;
 mod environment;
+mod lanes;
 mod lights;
 mod polygon;
 mod punctual;
