@@ -16,6 +16,7 @@ struct Vec3x4 {
 }
 
 impl Vec3x4 {
+    #[inline]
     fn splat(v: Vec3) -> Self {
         Self { x: Vec4::splat(v.x), y: Vec4::splat(v.y), z: Vec4::splat(v.z) }
     }
@@ -24,6 +25,7 @@ impl Vec3x4 {
         Self { x: gather(items, |i| get(i).x), y: gather(items, |i| get(i).y), z: gather(items, |i| get(i).z) }
     }
 
+    #[inline]
     fn dot(self, other: Self) -> Vec4 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
@@ -32,6 +34,7 @@ impl Vec3x4 {
 impl std::ops::Add for Vec3x4 {
     type Output = Self;
 
+    #[inline]
     fn add(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
@@ -40,6 +43,7 @@ impl std::ops::Add for Vec3x4 {
 impl std::ops::Sub for Vec3x4 {
     type Output = Self;
 
+    #[inline]
     fn sub(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
@@ -48,6 +52,7 @@ impl std::ops::Sub for Vec3x4 {
 impl std::ops::Mul<Vec4> for Vec3x4 {
     type Output = Self;
 
+    #[inline]
     fn mul(self, scale: Vec4) -> Self {
         Self { x: self.x * scale, y: self.y * scale, z: self.z * scale }
     }
@@ -160,11 +165,13 @@ impl GroupLanes {
     }
 }
 
+#[inline]
 fn sine(cos: Vec4) -> Vec4 {
     (Vec4::ONE - cos * cos).max(Vec4::ZERO).sqrt()
 }
 
 /// Cosine and sine of max(0, a - b) for angles in [0, π].
+#[inline]
 fn subtract_angle(cos_a: Vec4, sin_a: Vec4, cos_b: Vec4, sin_b: Vec4) -> (Vec4, Vec4) {
     let smaller = cos_a.cmpgt(cos_b);
     let (cos, sin) = (cos_a * cos_b + sin_a * sin_b, sin_a * cos_b - cos_a * sin_b);

@@ -1,11 +1,12 @@
 //! All lights of a scene: choice of a light, sampling towards it, and the densities of both.
 
 use super::environment::Environment;
+use super::punctual::PunctualIncidence;
 use super::tree::{Comb, LEAF, LightTree, Pick, Share};
+use super::triangle::View;
 use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
-use std::ops::Range;
 
 /// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power says nothing about
 /// which of them is occluded.
@@ -122,7 +123,9 @@ impl Lights {
     pub fn sample(&self, p: Vec3, n: Option<Vec3>, select: f32, u: Vec2) -> Option<LightSample> {
         let mut sample = None;
         let comb = Comb { offset: f64::from(select), count: 1 };
-        self.distribute(p, n, comb, &mut |light, share| sample = self.sample_light(light, share.probability as f32, p, n, u));
+        self.distribute(p, n, comb, &mut |light, share| {
+            sample = self.prepare(light, share.probability, p, n).and_then(|l| l.sample(u))
+        });
         sample
     }
 
@@ -132,14 +135,10 @@ impl Lights {
     pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
         let comb = Comb { offset: f64::from(unit_float(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
-            let Range { start, end } = share.choices;
-            let scramble = hash(seed ^ hash(start.wrapping_add(0x9e37_79b9)));
-            for i in 0..end - start {
-                let u = stratified_point(i, end - start, scramble);
-                if let Some(sample) = self.sample_light(light, share.probability as f32, p, n, u) {
-                    out(sample);
-                }
-            }
+            let Some(prepared) = self.prepare(light, share.probability, p, n) else { return };
+            let scramble = hash(seed ^ hash(share.choices.start.wrapping_add(0x9e37_79b9)));
+            let count = share.choices.len() as u32;
+            (0..count).filter_map(|i| prepared.sample(stratified_point(i, count, scramble))).for_each(&mut *out);
         });
     }
 
@@ -195,37 +194,74 @@ impl Lights {
         }
     }
 
-    /// A direction towards a light that was chosen with the given probability.
-    fn sample_light(&self, light: Light, probability: f32, p: Vec3, n: Option<Vec3>, u: Vec2) -> Option<LightSample> {
-        let sample = match light {
-            Light::Environment => {
-                let environment = self.environment.as_ref()?;
-                let (wi, density) = environment.sample(n, u);
-                let (radiance, pdf) = (environment.radiance(wi), probability * density);
-                LightSample { wi, distance: f32::INFINITY, radiance, pdf, delta: false, source: LightSource::Environment }
+    /// `None` if the light turns out not to reach the receiver.
+    fn prepare(&self, light: Light, probability: f64, p: Vec3, n: Option<Vec3>) -> Option<Prepared<'_>> {
+        let kind = match light {
+            Light::Environment => PreparedKind::Environment(self.environment.as_ref()?),
+            Light::Finite(Pick::Triangle(index)) => PreparedKind::Triangle(self.tree.triangles()[index].view(p)?),
+            Light::Finite(Pick::Punctual(index)) => {
+                let (index, light) = self.tree.punctual(index);
+                PreparedKind::Punctual(index, light.incidence(p)?)
             }
-            Light::Finite(Pick::Triangle(index)) => {
-                let triangle = &self.tree.triangles()[index];
-                let point = triangle.sample(p, u)?;
-                let Emitter { instance, triangle: triangle_index, radiance, .. } = *triangle.emitter();
+            Light::Directional(index) => {
+                let (index, light) = &self.directional[index];
+                PreparedKind::Punctual(*index, light.incidence(p)?)
+            }
+        };
+        Some(Prepared { kind, probability: probability as f32, n })
+    }
+}
+
+/// A chosen light with what all samples of it from one receiver share.
+struct Prepared<'a> {
+    kind: PreparedKind<'a>,
+    probability: f32,
+    n: Option<Vec3>,
+}
+
+enum PreparedKind<'a> {
+    Environment(&'a Environment),
+    Triangle(View<'a>),
+    Punctual(u32, PunctualIncidence),
+}
+
+impl Prepared<'_> {
+    fn sample(&self, u: Vec2) -> Option<LightSample> {
+        let sample = match &self.kind {
+            PreparedKind::Environment(environment) => {
+                let (wi, density) = environment.sample(self.n, u);
+                LightSample {
+                    wi,
+                    distance: f32::INFINITY,
+                    radiance: environment.radiance(wi),
+                    pdf: self.probability * density,
+                    delta: false,
+                    source: LightSource::Environment,
+                }
+            }
+            PreparedKind::Triangle(view) => {
+                let point = view.sample(u)?;
+                let &Emitter { instance, triangle, radiance, .. } = view.light.emitter();
                 let (u, v) = point.barycentric.into();
-                let source = LightSource::Triangle { instance, triangle: triangle_index, u, v };
                 LightSample {
                     wi: point.wi,
                     distance: point.distance,
                     radiance,
-                    pdf: probability * point.pdf,
+                    pdf: self.probability * point.pdf,
                     delta: false,
-                    source,
+                    source: LightSource::Triangle { instance, triangle, u, v },
                 }
             }
-            Light::Finite(Pick::Punctual(index)) => sample_punctual(self.tree.punctual(index), probability, p)?,
-            Light::Directional(index) => {
-                let (scene_index, light) = &self.directional[index];
-                sample_punctual((*scene_index, light), probability, p)?
-            }
+            PreparedKind::Punctual(index, incidence) => LightSample {
+                wi: incidence.wi,
+                distance: incidence.distance,
+                radiance: incidence.irradiance,
+                pdf: self.probability,
+                delta: true,
+                source: LightSource::Punctual(*index),
+            },
         };
-        (sample.pdf > 0.0 && !below_horizon(n, sample.wi)).then_some(sample)
+        (sample.pdf > 0.0 && !below_horizon(self.n, sample.wi)).then_some(sample)
     }
 }
 
@@ -236,18 +272,6 @@ enum Light {
     /// Index into `Lights::directional`.
     Directional(usize),
     Finite(Pick),
-}
-
-fn sample_punctual((index, light): (u32, &PunctualLight), probability: f32, p: Vec3) -> Option<LightSample> {
-    let incidence = light.incidence(p)?;
-    Some(LightSample {
-        wi: incidence.wi,
-        distance: incidence.distance,
-        radiance: incidence.irradiance,
-        pdf: probability,
-        delta: true,
-        source: LightSource::Punctual(index),
-    })
 }
 
 fn below_horizon(n: Option<Vec3>, wi: Vec3) -> bool {

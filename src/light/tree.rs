@@ -45,23 +45,32 @@ impl Comb {
     #[inline]
     pub fn split(self, share: Share, values: impl Iterator<Item = f32> + Clone) -> impl Iterator<Item = (usize, Share)> {
         let total: f32 = values.clone().sum();
-        let last = values.clone().enumerate().filter(|(_, v)| *v > 0.0).last().map(|(i, _)| i);
         let scale = share.probability / f64::from(total);
-        let Share { mut start, mut choices, .. } = share;
+        let Share { start, mut choices, .. } = share;
+        // Choice k lies at (k + offset) / count; `next` is where the first one left lies on the scale of the values.
+        let spacing = f64::from(self.count).recip();
+        let position = move |choice: u32| ((f64::from(choice) + self.offset) * spacing - start) / scale;
+        let mut next = position(choices.start);
+        let mut sum = 0.0;
         values.enumerate().filter_map(move |(i, value)| {
-            let probability = f64::from(value) * scale;
-            let end = start + probability;
-            // Choice k lies at (k + offset) / count.
-            let first = f64::from(choices.start) + self.offset;
-            let border = end * f64::from(self.count);
-            if !(value > 0.0) || choices.is_empty() || (first >= border && Some(i) != last) {
-                start = end;
+            let below = sum;
+            sum += value;
+            // The sum reaches the total, to the bit, with the last positive value.
+            let last = sum >= total;
+            if (f64::from(sum) <= next && !last) || !(value > 0.0) || choices.is_empty() {
                 return None;
             }
-            let middle =
-                if Some(i) == last { choices.end } else { (choices.start + 1 + (border - first) as u32).min(choices.end) };
-            let part = Share { start, probability, choices: choices.start..middle };
-            (start, choices.start) = (end, middle);
+            let mut end = choices.start + 1;
+            while end < choices.end && (last || position(end) < f64::from(sum)) {
+                end += 1;
+            }
+            let part = Share {
+                start: start + f64::from(below) * scale,
+                probability: f64::from(value) * scale,
+                choices: choices.start..end,
+            };
+            choices.start = end;
+            next = position(end);
             Some((i, part))
         })
     }

@@ -33,7 +33,8 @@ pub(super) struct TrianglePoint {
 }
 
 /// A triangle as seen from a receiver that its emitting face looks at.
-struct View {
+pub(super) struct View<'a> {
+    pub light: &'a TriangleLight,
     /// First corner, relative to the receiver.
     corner: Vec3,
     /// Unit directions to the corners.
@@ -112,7 +113,7 @@ impl TriangleLight {
     /// ```
     ///
     /// with unit vectors to the corners, the triple product taken from the plane's distance, where it does not cancel.
-    fn view(&self, p: Vec3) -> Option<View> {
+    pub(super) fn view(&self, p: Vec3) -> Option<View<'_>> {
         let volume = self.volume(p);
         if !(volume > 0.0) {
             return None;
@@ -123,7 +124,7 @@ impl TriangleLight {
         let directions @ [a, b, c] = std::array::from_fn(|i| corners[i] * inverse[i]);
         let triple = volume * (inverse[0] * inverse[1] * inverse[2]);
         let solid_angle = 2.0 * triple.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
-        Some(View { corner, directions, volume, solid_angle })
+        Some(View { light: self, corner, directions, volume, solid_angle })
     }
 
     /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a normal) by which the light is chosen where `p` is close: the
@@ -139,42 +140,38 @@ impl TriangleLight {
         self.weight * view.solid_angle * n.map_or(1.0, cosine)
     }
 
-    /// A direction to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
-    pub(super) fn sample(&self, p: Vec3, u: Vec2) -> Option<TrianglePoint> {
-        let view = self.view(p)?;
-        let weights = if samples_by_solid_angle(view.solid_angle) {
-            self.intersect(&view, view.sample_direction(u))
-        } else {
-            square_to_triangle(u)
-        };
-        let to_light = view.corner + self.edges[0] * weights.x + self.edges[1] * weights.y;
-        let squared = to_light.length_squared();
-        let inverse = squared.sqrt().recip();
-        let distance = squared * inverse;
-        let pdf = view.pdf(distance);
-        let barycentric = if self.mirrored { Vec2::new(weights.y, weights.x) } else { weights };
-        (pdf > 0.0 && pdf.is_finite()).then(|| TrianglePoint { wi: to_light * inverse, distance, pdf, barycentric })
-    }
-
-    /// Density per steradian with which [`TriangleLight::sample`] chooses a direction that meets the triangle at `distance`.
+    /// Density per steradian with which [`View::sample`] chooses a direction that meets the triangle at `distance`.
     pub(super) fn pdf(&self, p: Vec3, distance: f32) -> f32 {
         self.view(p).map_or(0.0, |view| view.pdf(distance)).min(f32::MAX)
     }
+}
+
+impl View<'_> {
+    /// A direction to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
+    pub fn sample(&self, u: Vec2) -> Option<TrianglePoint> {
+        let by_solid_angle = samples_by_solid_angle(self.solid_angle);
+        let weights = if by_solid_angle { self.intersect(self.sample_direction(u)) } else { square_to_triangle(u) };
+        let to_light = self.corner + self.light.edges[0] * weights.x + self.light.edges[1] * weights.y;
+        let squared = to_light.length_squared();
+        let inverse = squared.sqrt().recip();
+        let distance = squared * inverse;
+        let pdf = self.pdf(distance);
+        let barycentric = if self.light.mirrored { Vec2::new(weights.y, weights.x) } else { weights };
+        (pdf > 0.0 && pdf.is_finite()).then(|| TrianglePoint { wi: to_light * inverse, distance, pdf, barycentric })
+    }
 
     /// Weights of the second and third corner where a direction from the receiver meets the plane, pulled into the triangle [Moeller97, Sec. 2].
-    fn intersect(&self, view: &View, direction: Vec3) -> Vec2 {
-        let [e1, e2] = self.edges;
-        let scale = direction.dot(self.cross).recip();
-        let moment = direction.cross(view.corner);
+    fn intersect(&self, direction: Vec3) -> Vec2 {
+        let [e1, e2] = self.light.edges;
+        let scale = direction.dot(self.light.cross).recip();
+        let moment = direction.cross(self.corner);
         // max() before min() turns the NaN of a direction inside the plane into a corner.
         let beta = (e2.dot(moment) * -scale).max(0.0).min(1.0);
         let gamma = (e1.dot(moment) * scale).max(0.0).min(1.0);
         let weights = Vec2::new(beta, gamma);
         if beta + gamma > 1.0 { weights / (beta + gamma) } else { weights }
     }
-}
 
-impl View {
     /// Density per steradian of a direction that meets the triangle at `distance`.
     fn pdf(&self, distance: f32) -> f32 {
         if samples_by_solid_angle(self.solid_angle) {
