@@ -4,7 +4,7 @@ use crate::geometry::Aabb;
 use crate::math::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// A group of lights: where they are, where they shine and how strongly [Conty18, Sec. 4.1].
+/// A group of lights: where they are, where they shine and how strongly [Conty18, Sec. 4].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightBounds {
     pub bounds: Aabb,
@@ -23,7 +23,7 @@ impl LightBounds {
         Self { bounds: self.bounds.union(other.bounds), axis, theta_o, intensity: self.intensity + other.intensity }
     }
 
-    /// The cost of a node of the tree: intensity times the measure of its directions times that of its extent [Conty18, Eq. 1]. The squared diagonal
+    /// The cost of a node of the tree: intensity times the measure of its directions times that of its extent [Conty18, Sec. 4]. The squared diagonal
     /// stands for the surface area, which is zero for lights in a row.
     pub fn cost(&self) -> f32 {
         let theta_w = (self.theta_o + FRAC_PI_2).min(PI);

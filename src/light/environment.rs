@@ -21,7 +21,7 @@ impl EnvironmentMap {
 
     /// The map's coordinates in [0,1]² of a unit world direction: x runs along the columns from the left, y down the rows.
     fn direction_to_square(&self, direction: Vec3) -> Vec2 {
-        let d = Vec3::from(self.from_world.matrix3 * direction);
+        let d = self.from_world.matrix3 * direction;
         let theta = (d.x * d.x + d.z * d.z).sqrt().atan2(d.y);
         Vec2::new(0.5 + d.x.atan2(-d.z) * (0.5 * INV_PI), theta * INV_PI)
     }
@@ -31,7 +31,7 @@ impl EnvironmentMap {
         let (sin_theta, cos_theta) = (square.y * PI).sin_cos();
         let (sin_phi, cos_phi) = ((square.x - 0.5) * (2.0 * PI)).sin_cos();
         let d = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
-        Vec3::from(self.from_world.matrix3.transpose() * d)
+        self.from_world.matrix3.transpose() * d
     }
 
     /// The interpolated pixels, before scaling.
@@ -59,16 +59,15 @@ pub(super) struct Environment {
 }
 
 impl Environment {
-    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are not a radiance are replaced: NaN and negative values by 0, infinite
-    /// ones by the largest half.
+    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are not a radiance are replaced: NaN and negative
+    /// values by 0, infinite ones by the largest half.
     pub fn new(mut map: EnvironmentMap) -> Option<Self> {
         let size = map.width as usize * map.height as usize;
         if size == 0 || map.pixels.len() != size || !(map.scale > 0.0 && map.scale.is_finite()) {
             return None;
         }
         for pixel in &mut map.pixels {
-            // max() turns NaN into 0.
-            *pixel = Vec3::from_array(pixel.to_array().map(|v| v.max(0.0).min(MAX_RADIANCE)));
+            *pixel = Vec3::from_array(pixel.to_array().map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, MAX_RADIANCE) }));
         }
         let fluence = fluence(&map);
         if weight(fluence) <= 0.0 {
@@ -89,7 +88,8 @@ impl Environment {
         self.fluence
     }
 
-    /// A direction and its density per steradian: in proportion to the radiance; for a map of one colour in proportion to the cosine with `n`, or uniform without one.
+    /// A direction and its density per steradian: in proportion to the radiance; for a map of one colour in proportion to the cosine with `n`, or
+    /// uniform without one.
     pub fn sample(&self, n: Option<Vec3>, u: Vec2) -> (Vec3, f32) {
         match (&self.grid, n) {
             (Some(grid), _) => {
@@ -145,9 +145,9 @@ fn fluence(map: &EnvironmentMap) -> Color {
 
 /// A piecewise bilinear density over the map's square, in proportion to radiance times sinθ.
 ///
-/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is interpolated between the same knots, so the density is positive wherever the
-/// radiance is, and the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in which the density of the first or last row
-/// continues.
+/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is interpolated between the same knots, so the density is
+/// positive wherever the radiance is, and the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in which
+/// the density of the first or last row continues.
 #[derive(Clone, Debug)]
 struct Grid {
     columns: usize,
@@ -265,7 +265,6 @@ impl Grid {
 
 /// Inverts the distribution function of the density on [0,1] that runs linearly from `a` to `b`.
 fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
-    let u = u.max(0.0).min(1.0);
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
-    if x.is_finite() { x.min(1.0) } else { u }
+    if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }

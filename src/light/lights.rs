@@ -1,6 +1,7 @@
 //! All lights of a scene: choice of a light, sampling towards it, and the densities of both.
 
 use super::environment::Environment;
+use super::lanes::LANES;
 use super::punctual::PunctualIncidence;
 use super::tree::{Comb, LEAF, LightTree, Pick, Share};
 use super::triangle::View;
@@ -8,17 +9,18 @@ use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, Tr
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
 
-/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power says nothing about
-/// which of them is occluded.
+/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power
+/// says nothing about which of them is occluded.
 const MIN_SHARE: f32 = 0.2;
 /// Marks a triangle that does not emit.
 const NONE: u32 = u32::MAX;
 
 /// The lights of a scene, immutable. All queries are deterministic and without allocation.
 ///
-/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance) and those at finite
-/// distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a tree over them
-/// [Conty18], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each sends to the receiver.
+/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance)
+/// and those at finite distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a
+/// tree over them [Conty18], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each
+/// sends to the receiver.
 ///
 /// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie wholly below the horizon of `n` are never chosen.
 #[derive(Clone, Debug)]
@@ -38,8 +40,8 @@ pub struct Lights {
 impl Lights {
     /// Prepares the lights of a scene for sampling; `bounds` is the scene's box.
     ///
-    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are ignored, as is an environment whose
-    /// size contradicts its pixels.
+    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are
+    /// ignored, as is an environment whose size contradicts its pixels.
     pub fn build(
         geometry: &Geometry,
         emitters: Vec<Emitter>,
@@ -55,7 +57,8 @@ impl Lights {
         let tree = LightTree::new(triangles, near);
         let environment = environment.and_then(Environment::new);
 
-        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area from inside.
+        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area
+        // from inside.
         let finite_power = near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
         let fluence = environment.as_ref().map_or(Color::ZERO, Environment::fluence);
         let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
@@ -102,14 +105,14 @@ impl Lights {
         Some(self.tree.triangles()).filter(|t| t.len() <= LEAF)
     }
 
-    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes time in proportion to their
-    /// number.
+    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes
+    /// time in proportion to their number.
     pub fn unoccluded_irradiance(&self, p: Vec3, n: Vec3) -> Color {
         self.tree.triangles().iter().map(|t| t.emitter().radiance * t.irradiance(p, n)).sum()
     }
 
-    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere around the scene's box from
-    /// the environment and from directional lights.
+    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere
+    /// around the scene's box from the environment and from directional lights.
     pub fn power(&self) -> Color {
         self.power
     }
@@ -119,30 +122,36 @@ impl Lights {
         self.environment.as_ref().map_or(Color::ZERO, |e| e.radiance(direction))
     }
 
-    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the receiver or the direction lies below its horizon.
+    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the
+    /// receiver or the direction lies below its horizon.
     pub fn sample(&self, p: Vec3, n: Option<Vec3>, select: f32, u: Vec2) -> Option<LightSample> {
         let mut sample = None;
         let comb = Comb { offset: f64::from(select), count: 1 };
         self.distribute(p, n, comb, &mut |light, share| {
-            sample = self.prepare(light, share.probability, p, n).and_then(|l| l.sample(u))
+            if let Some(light) = self.prepare(light, share.probability, p, n) {
+                light.sample(1, |_| u, &mut |s| sample = Some(s));
+            }
         });
         sample
     }
 
-    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples, rounded up or down at random, and
-    /// the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come
-    /// one after another. The same `seed` gives the same samples.
+    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples,
+    /// rounded up or down at random, and the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over
+    /// all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come one after another. The same `seed` gives
+    /// the same samples.
     pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
         let comb = Comb { offset: f64::from(unit_float(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
-            let Some(prepared) = self.prepare(light, share.probability, p, n) else { return };
-            let scramble = hash(seed ^ hash(share.choices.start.wrapping_add(0x9e37_79b9)));
-            let count = share.choices.len() as u32;
-            (0..count).filter_map(|i| prepared.sample(stratified_point(i, count, scramble))).for_each(&mut *out);
+            if let Some(light) = self.prepare(light, share.probability, p, n) {
+                let scramble = hash(seed ^ hash(share.choices.start.wrapping_add(0x9e37_79b9)));
+                let count = share.choices.len() as u32;
+                light.sample(count, |i| stratified_point(i, count, scramble), out);
+            }
         });
     }
 
-    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of this triangle; 0 if that does not emit towards `p`.
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of
+    /// this triangle; 0 if that does not emit towards `p`.
     pub fn pdf_triangle(&self, p: Vec3, n: Option<Vec3>, instance: u32, triangle: u32, wi: Vec3, distance: f32) -> f32 {
         let Some(index) = self.emitter_index(instance, triangle) else { return 0.0 };
         if below_horizon(n, wi) {
@@ -226,42 +235,40 @@ enum PreparedKind<'a> {
 }
 
 impl Prepared<'_> {
-    fn sample(&self, u: Vec2) -> Option<LightSample> {
-        let sample = match &self.kind {
+    /// Calls `out` for those of `count` samples, made of the points `u(i)` of the unit square, that lie above the horizon.
+    #[inline]
+    fn sample(&self, count: u32, u: impl Fn(u32) -> Vec2, out: &mut impl FnMut(LightSample)) {
+        let mut emit = |wi, distance, radiance, density, source| {
+            let pdf = self.probability * density;
+            if pdf > 0.0 && !below_horizon(self.n, wi) {
+                out(LightSample { wi, distance, radiance, pdf, delta: matches!(source, LightSource::Punctual(_)), source });
+            }
+        };
+        match &self.kind {
             PreparedKind::Environment(environment) => {
-                let (wi, density) = environment.sample(self.n, u);
-                LightSample {
-                    wi,
-                    distance: f32::INFINITY,
-                    radiance: environment.radiance(wi),
-                    pdf: self.probability * density,
-                    delta: false,
-                    source: LightSource::Environment,
+                for i in 0..count {
+                    let (wi, density) = environment.sample(self.n, u(i));
+                    emit(wi, f32::INFINITY, environment.radiance(wi), density, LightSource::Environment);
                 }
             }
             PreparedKind::Triangle(view) => {
-                let point = view.sample(u)?;
                 let &Emitter { instance, triangle, radiance, .. } = view.light.emitter();
-                let (u, v) = point.barycentric.into();
-                LightSample {
-                    wi: point.wi,
-                    distance: point.distance,
-                    radiance,
-                    pdf: self.probability * point.pdf,
-                    delta: false,
-                    source: LightSource::Triangle { instance, triangle, u, v },
+                for first in (0..count).step_by(LANES) {
+                    let used = LANES.min((count - first) as usize);
+                    let points =
+                        view.sample(std::array::from_fn(|lane| if lane < used { u(first + lane as u32) } else { Vec2::ZERO }));
+                    for point in (0..used).filter_map(|lane| points.get(lane)) {
+                        let [u, v] = point.barycentric;
+                        emit(point.wi, point.distance, radiance, point.pdf, LightSource::Triangle { instance, triangle, u, v });
+                    }
                 }
             }
-            PreparedKind::Punctual(index, incidence) => LightSample {
-                wi: incidence.wi,
-                distance: incidence.distance,
-                radiance: incidence.irradiance,
-                pdf: self.probability,
-                delta: true,
-                source: LightSource::Punctual(*index),
-            },
-        };
-        (sample.pdf > 0.0 && !below_horizon(self.n, sample.wi)).then_some(sample)
+            PreparedKind::Punctual(index, incidence) => {
+                for _ in 0..count {
+                    emit(incidence.wi, incidence.distance, incidence.irradiance, 1.0, LightSource::Punctual(*index));
+                }
+            }
+        }
     }
 }
 
@@ -297,7 +304,8 @@ fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u
     emitters
 }
 
-/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with Owen's scrambling in Laine and Karras' form).
+/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with the nested scrambling of
+/// [Laine11]).
 fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
     let x = (i as f32 + unit_float(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
     let mut y = i.wrapping_add(hash(!scramble));

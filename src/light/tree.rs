@@ -1,7 +1,7 @@
 //! A tree over the lights at finite distance, for choosing one of many in logarithmic time.
 //!
-//! Inner nodes have up to four children and are split by the bounds of the children; a leaf holds a few lights and is split by the lights' own importance. A scene of few
-//! lights is one leaf.
+//! Inner nodes have up to four children and are split by the bounds of the children; a leaf holds a few lights and is split by the lights' own
+//! importance. A scene of few lights is one leaf.
 
 use super::bounds::LightBounds;
 use super::lanes::{GroupLanes, LANES, TriangleLanes};
@@ -18,7 +18,8 @@ const BINS: usize = 12;
 /// From this depth on groups are halved by number, which bounds the depth of any tree by the 32 steps of a path.
 const MAX_SAOH_DEPTH: u32 = 16;
 
-/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that fall into an interval of cumulated probability choose its light.
+/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that fall into an interval of cumulated probability
+/// choose its light.
 #[derive(Clone, Copy)]
 pub(super) struct Comb {
     pub offset: f64,
@@ -57,7 +58,7 @@ impl Comb {
             sum += value;
             // The sum reaches the total, to the bit, with the last positive value.
             let last = sum >= total;
-            if (f64::from(sum) <= next && !last) || !(value > 0.0) || choices.is_empty() {
+            if value <= 0.0 || choices.is_empty() || (f64::from(sum) <= next && !last) {
                 return None;
             }
             let mut end = choices.start + 1;
@@ -218,8 +219,8 @@ impl LightTree {
         }
     }
 
-    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets some. Choices that end among lights which all turn out not to reach the
-    /// receiver are lost.
+    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets some. Choices that end among lights which all
+    /// turn out not to reach the receiver are lost.
     pub fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, share: Share, out: &mut impl FnMut(Pick, Share)) {
         if let Some(root) = self.root {
             self.distribute_below(root, p, n, comb, share, out);
@@ -333,8 +334,8 @@ fn cut(items: &mut [(LightBounds, Pick)], depth: u32) -> [&mut [(LightBounds, Pi
     [left, right]
 }
 
-/// Orders the items so that a good split lies at the returned index: the surface area orientation heuristic over bins along each axis [Conty18, Sec. 4.4]. `None` where all
-/// items lie at one place.
+/// Orders the items so that a good split lies at the returned index: the surface area orientation heuristic over bins along each axis [Conty18,
+/// Sec. 4]. `None` where all items lie at one place.
 fn partition(items: &mut [(LightBounds, Pick)]) -> Option<usize> {
     let all = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.union(l.bounds));
     let centers = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.with(l.bounds.center()));

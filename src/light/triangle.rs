@@ -1,8 +1,9 @@
 //! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate of the light that it sends to a point.
 
+use super::lanes::{LANES, Vec3x4, sin_cos};
 use super::{Emitter, polygon_irradiance, weight};
 use crate::geometry::Geometry;
-use crate::math::{Color, Vec2, Vec3};
+use crate::math::{Color, Vec2, Vec3, Vec4};
 
 /// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform sampling of the area is as good.
 const MIN_SOLID_ANGLE: f32 = 1e-4;
@@ -22,6 +23,15 @@ pub struct TriangleLight {
     mirrored: bool,
 }
 
+/// Directions from a receiver to four points of a triangle.
+pub(super) struct TrianglePoints {
+    wi: Vec3x4,
+    distance: Vec4,
+    pdf: Vec4,
+    /// Weights of the mesh's second and third vertex.
+    barycentric: [Vec4; 2],
+}
+
 /// A direction from a receiver to a point of a triangle.
 pub(super) struct TrianglePoint {
     pub wi: Vec3,
@@ -29,7 +39,17 @@ pub(super) struct TrianglePoint {
     /// Per steradian.
     pub pdf: f32,
     /// Weights of the mesh's second and third vertex.
-    pub barycentric: Vec2,
+    pub barycentric: [f32; 2],
+}
+
+impl TrianglePoints {
+    /// `None` where rounding left no direction.
+    #[inline]
+    pub fn get(&self, i: usize) -> Option<TrianglePoint> {
+        let (distance, pdf) = (self.distance[i], self.pdf[i]);
+        let usable = distance > 0.0 && pdf > 0.0 && pdf.is_finite();
+        usable.then(|| TrianglePoint { wi: self.wi.lane(i), distance, pdf, barycentric: self.barycentric.map(|b| b[i]) })
+    }
 }
 
 /// A triangle as seen from a receiver that its emitting face looks at.
@@ -115,7 +135,7 @@ impl TriangleLight {
     /// with unit vectors to the corners, the triple product taken from the plane's distance, where it does not cancel.
     pub(super) fn view(&self, p: Vec3) -> Option<View<'_>> {
         let volume = self.volume(p);
-        if !(volume > 0.0) {
+        if volume.is_nan() || volume <= 0.0 {
             return None;
         }
         let corner = self.corner - p;
@@ -127,8 +147,8 @@ impl TriangleLight {
         Some(View { light: self, corner, directions, volume, solid_angle })
     }
 
-    /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a normal) by which the light is chosen where `p` is close: the
-    /// solid angle times the mean cosine. Zero if the triangle cannot light the receiver.
+    /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a normal) by which the light is chosen where `p` is
+    /// close: the solid angle times the mean cosine. Zero if the triangle cannot light the receiver.
     pub(super) fn near_importance(&self, p: Vec3, n: Option<Vec3>) -> f32 {
         let Some(view) = self.view(p) else { return 0.0 };
         let [a, b, c] = view.directions;
@@ -147,29 +167,33 @@ impl TriangleLight {
 }
 
 impl View<'_> {
-    /// A direction to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
-    pub fn sample(&self, u: Vec2) -> Option<TrianglePoint> {
+    /// Four directions to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
+    pub fn sample(&self, u: [Vec2; LANES]) -> TrianglePoints {
         let by_solid_angle = samples_by_solid_angle(self.solid_angle);
-        let weights = if by_solid_angle { self.intersect(self.sample_direction(u)) } else { square_to_triangle(u) };
-        let to_light = self.corner + self.light.edges[0] * weights.x + self.light.edges[1] * weights.y;
-        let squared = to_light.length_squared();
+        let ([beta, gamma], light) =
+            (if by_solid_angle { self.intersect(self.sample_directions(u)) } else { squares_to_triangle(u) }, self.light);
+        let to_light = Vec3x4::splat(self.corner) + Vec3x4::splat(light.edges[0]) * beta + Vec3x4::splat(light.edges[1]) * gamma;
+        let squared = to_light.dot(to_light);
         let inverse = squared.sqrt().recip();
         let distance = squared * inverse;
-        let pdf = self.pdf(distance);
-        let barycentric = if self.light.mirrored { Vec2::new(weights.y, weights.x) } else { weights };
-        (pdf > 0.0 && pdf.is_finite()).then(|| TrianglePoint { wi: to_light * inverse, distance, pdf, barycentric })
+        let pdf = if by_solid_angle {
+            Vec4::splat(self.solid_angle.recip())
+        } else {
+            distance * distance * distance * (2.0 / self.volume)
+        };
+        let barycentric = if light.mirrored { [gamma, beta] } else { [beta, gamma] };
+        TrianglePoints { wi: to_light * inverse, distance, pdf, barycentric }
     }
 
-    /// Weights of the second and third corner where a direction from the receiver meets the plane, pulled into the triangle [Moeller97, Sec. 2].
-    fn intersect(&self, direction: Vec3) -> Vec2 {
+    /// Weights of the second and third corner where directions from the receiver meet the plane, pulled into the triangle [Moeller97].
+    fn intersect(&self, directions: Vec3x4) -> [Vec4; 2] {
         let [e1, e2] = self.light.edges;
-        let scale = direction.dot(self.light.cross).recip();
-        let moment = direction.cross(self.corner);
-        // max() before min() turns the NaN of a direction inside the plane into a corner.
-        let beta = (e2.dot(moment) * -scale).max(0.0).min(1.0);
-        let gamma = (e1.dot(moment) * scale).max(0.0).min(1.0);
-        let weights = Vec2::new(beta, gamma);
-        if beta + gamma > 1.0 { weights / (beta + gamma) } else { weights }
+        let scale = directions.dot(Vec3x4::splat(self.light.cross)).recip();
+        let beta = directions.dot(Vec3x4::splat(e2.cross(self.corner))) * scale;
+        let gamma = directions.dot(Vec3x4::splat(self.corner.cross(e1))) * scale;
+        let (beta, gamma) = (beta.max(Vec4::ZERO), gamma.max(Vec4::ZERO));
+        let shrink = (beta + gamma).max(Vec4::ONE).recip();
+        [beta * shrink, gamma * shrink]
     }
 
     /// Density per steradian of a direction that meets the triangle at `distance`.
@@ -182,33 +206,37 @@ impl View<'_> {
         }
     }
 
-    /// A direction, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the arc from B to a point C' of the side AC, so that the triangle ABC' has
-    /// the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95, Sec. 3].
+    /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the arc from B to a point C' of the side AC, so
+    /// that the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95].
     ///
-    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the formula for the
-    /// solid angle Ω' of ABC' becomes linear in τ:
+    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the formula
+    /// for the solid angle Ω' of ABC' becomes linear in τ:
     ///
     /// ```text
     /// tan(Ω'/2) = τ |A·(B×T)| / (1 + A·B + τ B·T)
     /// ```
     ///
     /// Below, `rise` / `run` is τ.
-    fn sample_direction(&self, u: Vec2) -> Vec3 {
+    fn sample_directions(&self, u: [Vec2; LANES]) -> Vec3x4 {
         let [a, b, c] = self.directions;
         let chord = c - a;
-        let tangent = chord + a * (0.5 * chord.length_squared());
-        let squared = tangent.length_squared().max(f32::MIN_POSITIVE);
-        let inverse = squared.sqrt().recip();
-        let (sin, cos) = (0.5 * self.solid_angle * u.x).sin_cos();
-        let rise = sin * 0.5 * (a + b).length_squared();
-        let run = ((cos * a.cross(b).dot(tangent).abs() - sin * b.dot(tangent)) * inverse).max(1e-12);
-        let on_side = (a * (run * run - rise * rise) + tangent * (2.0 * run * rise * inverse)) / (run * run + rise * rise);
+        let tangent = (chord + a * (0.5 * chord.length_squared())).normalize_or_zero();
+        let (ux, uy) = (Vec4::from_array(u.map(|u| u.x)), Vec4::from_array(u.map(|u| u.y)));
+        let (sin, cos) = sin_cos(ux * (0.5 * self.solid_angle));
+        let rise = sin * (0.5 * (a + b).length_squared());
+        let run = (cos * a.cross(b).dot(tangent).abs() - sin * b.dot(tangent)).max(Vec4::splat(1e-12));
+        let scale = (run * run + rise * rise).recip();
+        let on_side =
+            Vec3x4::splat(a) * ((run * run - rise * rise) * scale) + Vec3x4::splat(tangent) * (run * rise * scale * 2.0);
 
-        // 1 - cos of the arc BC' without cancellation.
+        // The versine 1 - cos of the arc BC', without cancellation.
+        let b = Vec3x4::splat(b);
         let chord = on_side - b;
-        let versine = 0.5 * chord.length_squared();
-        let step = u.y * versine;
-        b * (1.0 - step) + (chord + b * versine) * (u.y * (2.0 - step) / (2.0 - versine).max(f32::MIN_POSITIVE)).sqrt()
+        let versine = chord.dot(chord) * 0.5;
+        let step = uy * versine;
+        let two = Vec4::splat(2.0);
+        let across = (uy * (two - step) / (two - versine).max(Vec4::splat(f32::MIN_POSITIVE))).sqrt();
+        b * (Vec4::ONE - step) + (chord + b * versine) * across
     }
 }
 
@@ -216,13 +244,9 @@ fn samples_by_solid_angle(solid_angle: f32) -> bool {
     (MIN_SOLID_ANGLE..=MAX_SOLID_ANGLE).contains(&solid_angle)
 }
 
-/// Uniform weights of the second and third corner; keeps strata compact [Heitz19, Listing 1].
-fn square_to_triangle(u: Vec2) -> Vec2 {
-    if u.y > u.x {
-        let x = 0.5 * u.x;
-        Vec2::new(x, u.y - x)
-    } else {
-        let y = 0.5 * u.y;
-        Vec2::new(u.x - y, y)
-    }
+/// Uniform weights of the second and third corner; keeps strata compact [Heitz19].
+fn squares_to_triangle(u: [Vec2; LANES]) -> [Vec4; 2] {
+    let weights =
+        u.map(|u| if u.y > u.x { Vec2::new(0.5 * u.x, u.y - 0.5 * u.x) } else { Vec2::new(u.x - 0.5 * u.y, 0.5 * u.y) });
+    [Vec4::from_array(weights.map(|w| w.x)), Vec4::from_array(weights.map(|w| w.y))]
 }
