@@ -5,7 +5,7 @@ use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
 
 /// Largest value of a pixel, the largest finite half: what an infinite pixel (an overflown sun) becomes.
 const MAX_RADIANCE: f32 = 65504.0;
-/// Sampling grids have at least this many rows, so that the factor sinθ of coarse maps is resolved.
+/// Sampling grids have at least this many rows and twice as many columns, so that the factor sinθ of coarse maps is resolved.
 const MIN_ROWS: u32 = 64;
 
 impl EnvironmentMap {
@@ -19,7 +19,7 @@ impl EnvironmentMap {
         self.bilinear(self.direction_to_square(direction)) * self.scale
     }
 
-    /// The map's coordinates in [0,1]² of a unit world direction: x runs along the columns from the left, y down the rows.
+    /// The map's coordinates in the unit square of a unit world direction: x runs along the columns from the left, y down the rows.
     fn direction_to_square(&self, direction: Vec3) -> Vec2 {
         let d = self.from_world.matrix3 * direction;
         let theta = (d.x * d.x + d.z * d.z).sqrt().atan2(d.y);
@@ -152,8 +152,6 @@ fn fluence(map: &EnvironmentMap) -> Color {
 struct Grid {
     columns: usize,
     rows: usize,
-    /// Knots per pixel along either axis.
-    refinement: u32,
     /// For each row of knots, the sums over its first 0, 1, ... cells between neighbouring knots: `columns + 1` numbers.
     row_sums: Vec<f32>,
     /// The sums over the first 0, 1, ... strips between neighbouring rows: `rows + 2` numbers.
@@ -162,10 +160,9 @@ struct Grid {
 
 impl Grid {
     fn new(map: &EnvironmentMap) -> Self {
-        let refinement = MIN_ROWS.div_ceil(map.height);
-        let (columns, rows) = ((map.width * refinement) as usize, (map.height * refinement) as usize);
-        let mut grid =
-            Self { columns, rows, refinement, row_sums: Vec::with_capacity((columns + 1) * rows), strip_sums: Vec::new() };
+        let columns = map.width as usize * (2 * MIN_ROWS).div_ceil(map.width) as usize;
+        let rows = map.height as usize * MIN_ROWS.div_ceil(map.height) as usize;
+        let mut grid = Self { columns, rows, row_sums: Vec::with_capacity((columns + 1) * rows), strip_sums: Vec::new() };
         for row in 0..rows {
             let first = grid.knot(map, 0, row);
             let (mut sum, mut left) = (0.0_f64, first);
@@ -190,7 +187,7 @@ impl Grid {
     /// The value at the centre of a cell of the refined grid.
     fn knot(&self, map: &EnvironmentMap, column: usize, row: usize) -> f32 {
         let y = (row as f32 + 0.5) / self.rows as f32;
-        let radiance = if self.refinement == 1 {
+        let radiance = if (self.columns, self.rows) == (map.width as usize, map.height as usize) {
             map.pixels[row * self.columns + column]
         } else {
             map.bilinear(Vec2::new((column as f32 + 0.5) / self.columns as f32, y))
@@ -263,7 +260,7 @@ impl Grid {
     }
 }
 
-/// Inverts the distribution function of the density on [0,1] that runs linearly from `a` to `b`.
+/// Inverts the distribution function of the density on the unit interval that runs linearly from `a` to `b`.
 fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }

@@ -74,7 +74,7 @@ fn gather<T>(items: &[T], get: impl Fn(&T) -> f32) -> Vec4 {
 pub(super) fn sin_cos(angle: Vec4) -> (Vec4, Vec4) {
     let half = angle * 0.5;
     let x = half * half;
-    let sin = ((((x * -2.39e-8 + 2.7526e-6) * x - 1.984_09e-4) * x + 8.333_331_5e-3) * x - 1.0 / 6.0) * x + 1.0;
+    let sin = ((((x * -2.39e-8 + 2.7526e-6) * x - 1.984_09e-4) * x + 8.333_332e-3) * x - 1.0 / 6.0) * x + 1.0;
     let cos = ((((x * -2.605e-7 + 2.476_09e-5) * x - 1.388_839_7e-3) * x + 4.166_664e-2) * x - 0.5) * x + 1.0;
     let sin = sin * half;
     (sin * cos * 2.0, Vec4::ONE - sin * sin * 2.0)

@@ -19,7 +19,7 @@ const NONE: u32 = u32::MAX;
 ///
 /// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance)
 /// and those at finite distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a
-/// tree over them [Conty18], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each
+/// tree over them [Conty18, Sec. 4], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each
 /// sends to the receiver.
 ///
 /// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie wholly below the horizon of `n` are never chosen.
@@ -305,7 +305,7 @@ fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u
 }
 
 /// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with the nested scrambling of
-/// [Laine11]).
+/// [Laine11, Sec. 3]).
 fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
     let x = (i as f32 + unit_float(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
     let mut y = i.wrapping_add(hash(!scramble));

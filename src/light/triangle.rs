@@ -185,7 +185,7 @@ impl View<'_> {
         TrianglePoints { wi: to_light * inverse, distance, pdf, barycentric }
     }
 
-    /// Weights of the second and third corner where directions from the receiver meet the plane, pulled into the triangle [Moeller97].
+    /// Weights of the second and third corner where directions from the receiver meet the plane, pulled into the triangle [Moeller97, Sec. 2].
     fn intersect(&self, directions: Vec3x4) -> [Vec4; 2] {
         let [e1, e2] = self.light.edges;
         let scale = directions.dot(Vec3x4::splat(self.light.cross)).recip();
@@ -207,7 +207,7 @@ impl View<'_> {
     }
 
     /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the arc from B to a point C' of the side AC, so
-    /// that the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95].
+    /// that the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95, pp. 437-438].
     ///
     /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the formula
     /// for the solid angle Ω' of ABC' becomes linear in τ:
@@ -244,7 +244,7 @@ fn samples_by_solid_angle(solid_angle: f32) -> bool {
     (MIN_SOLID_ANGLE..=MAX_SOLID_ANGLE).contains(&solid_angle)
 }
 
-/// Uniform weights of the second and third corner; keeps strata compact [Heitz19].
+/// Uniform weights of the second and third corner; keeps strata compact [Heitz19, pp. 1-2].
 fn squares_to_triangle(u: [Vec2; LANES]) -> [Vec4; 2] {
     let weights =
         u.map(|u| if u.y > u.x { Vec2::new(0.5 * u.x, u.y - 0.5 * u.x) } else { Vec2::new(u.x - 0.5 * u.y, 0.5 * u.y) });
