@@ -5,7 +5,7 @@ use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
 
 /// Largest value of a pixel, the largest finite half: what an infinite pixel (an overflown sun) becomes.
 const MAX_RADIANCE: f32 = 65504.0;
-/// Sampling grids have at least this many rows, so that the factor sinθ of coarse maps is resolved.
+/// Sampling grids have at least this many rows and twice as many columns, so that the factor sinθ of coarse maps is resolved.
 const MIN_ROWS: u32 = 64;
 
 impl EnvironmentMap {
@@ -19,9 +19,9 @@ impl EnvironmentMap {
         self.bilinear(self.direction_to_square(direction)) * self.scale
     }
 
-    /// The map's coordinates in [0,1]² of a unit world direction: x runs along the columns from the left, y down the rows.
+    /// The map's coordinates in the unit square of a unit world direction: x runs along the columns from the left, y down the rows.
     fn direction_to_square(&self, direction: Vec3) -> Vec2 {
-        let d = Vec3::from(self.from_world.matrix3 * direction);
+        let d = self.from_world.matrix3 * direction;
         let theta = (d.x * d.x + d.z * d.z).sqrt().atan2(d.y);
         Vec2::new(0.5 + d.x.atan2(-d.z) * (0.5 * INV_PI), theta * INV_PI)
     }
@@ -31,7 +31,7 @@ impl EnvironmentMap {
         let (sin_theta, cos_theta) = (square.y * PI).sin_cos();
         let (sin_phi, cos_phi) = ((square.x - 0.5) * (2.0 * PI)).sin_cos();
         let d = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
-        Vec3::from(self.from_world.matrix3.transpose() * d)
+        self.from_world.matrix3.transpose() * d
     }
 
     /// The interpolated pixels, before scaling.
@@ -59,16 +59,15 @@ pub(super) struct Environment {
 }
 
 impl Environment {
-    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are not a radiance are replaced: NaN and negative values by 0, infinite
-    /// ones by the largest half.
+    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are not a radiance are replaced: NaN and negative
+    /// values by 0, infinite ones by the largest half.
     pub fn new(mut map: EnvironmentMap) -> Option<Self> {
         let size = map.width as usize * map.height as usize;
         if size == 0 || map.pixels.len() != size || !(map.scale > 0.0 && map.scale.is_finite()) {
             return None;
         }
         for pixel in &mut map.pixels {
-            // max() turns NaN into 0.
-            *pixel = Vec3::from_array(pixel.to_array().map(|v| v.max(0.0).min(MAX_RADIANCE)));
+            *pixel = Vec3::from_array(pixel.to_array().map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, MAX_RADIANCE) }));
         }
         let fluence = fluence(&map);
         if weight(fluence) <= 0.0 {
@@ -89,7 +88,8 @@ impl Environment {
         self.fluence
     }
 
-    /// A direction and its density per steradian: in proportion to the radiance; for a map of one colour in proportion to the cosine with `n`, or uniform without one.
+    /// A direction and its density per steradian: in proportion to the radiance; for a map of one colour in proportion to the cosine with `n`, or
+    /// uniform without one.
     pub fn sample(&self, n: Option<Vec3>, u: Vec2) -> (Vec3, f32) {
         match (&self.grid, n) {
             (Some(grid), _) => {
@@ -145,15 +145,13 @@ fn fluence(map: &EnvironmentMap) -> Color {
 
 /// A piecewise bilinear density over the map's square, in proportion to radiance times sinθ.
 ///
-/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is interpolated between the same knots, so the density is positive wherever the
-/// radiance is, and the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in which the density of the first or last row
-/// continues.
+/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is interpolated between the same knots, so the density is
+/// positive wherever the radiance is, and the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in which
+/// the density of the first or last row continues.
 #[derive(Clone, Debug)]
 struct Grid {
     columns: usize,
     rows: usize,
-    /// Knots per pixel along either axis.
-    refinement: u32,
     /// For each row of knots, the sums over its first 0, 1, ... cells between neighbouring knots: `columns + 1` numbers.
     row_sums: Vec<f32>,
     /// The sums over the first 0, 1, ... strips between neighbouring rows: `rows + 2` numbers.
@@ -162,10 +160,9 @@ struct Grid {
 
 impl Grid {
     fn new(map: &EnvironmentMap) -> Self {
-        let refinement = MIN_ROWS.div_ceil(map.height);
-        let (columns, rows) = ((map.width * refinement) as usize, (map.height * refinement) as usize);
-        let mut grid =
-            Self { columns, rows, refinement, row_sums: Vec::with_capacity((columns + 1) * rows), strip_sums: Vec::new() };
+        let columns = map.width as usize * (2 * MIN_ROWS).div_ceil(map.width) as usize;
+        let rows = map.height as usize * MIN_ROWS.div_ceil(map.height) as usize;
+        let mut grid = Self { columns, rows, row_sums: Vec::with_capacity((columns + 1) * rows), strip_sums: Vec::new() };
         for row in 0..rows {
             let first = grid.knot(map, 0, row);
             let (mut sum, mut left) = (0.0_f64, first);
@@ -190,7 +187,7 @@ impl Grid {
     /// The value at the centre of a cell of the refined grid.
     fn knot(&self, map: &EnvironmentMap, column: usize, row: usize) -> f32 {
         let y = (row as f32 + 0.5) / self.rows as f32;
-        let radiance = if self.refinement == 1 {
+        let radiance = if (self.columns, self.rows) == (map.width as usize, map.height as usize) {
             map.pixels[row * self.columns + column]
         } else {
             map.bilinear(Vec2::new((column as f32 + 0.5) / self.columns as f32, y))
@@ -263,9 +260,8 @@ impl Grid {
     }
 }
 
-/// Inverts the distribution function of the density on [0,1] that runs linearly from `a` to `b`.
+/// Inverts the distribution function of the density on the unit interval that runs linearly from `a` to `b`.
 fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
-    let u = u.max(0.0).min(1.0);
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
-    if x.is_finite() { x.min(1.0) } else { u }
+    if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }

@@ -1,23 +1,26 @@
 //! All lights of a scene: choice of a light, sampling towards it, and the densities of both.
 
 use super::environment::Environment;
+use super::lanes::LANES;
+use super::punctual::PunctualIncidence;
 use super::tree::{Comb, LEAF, LightTree, Pick, Share};
+use super::triangle::View;
 use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
-use std::ops::Range;
 
-/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power says nothing about
-/// which of them is occluded.
+/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power
+/// says nothing about which of them is occluded.
 const MIN_SHARE: f32 = 0.2;
 /// Marks a triangle that does not emit.
 const NONE: u32 = u32::MAX;
 
 /// The lights of a scene, immutable. All queries are deterministic and without allocation.
 ///
-/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance) and those at finite
-/// distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a tree over them
-/// [Conty18], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each sends to the receiver.
+/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance)
+/// and those at finite distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a
+/// tree over them [Conty18, Sec. 4], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each
+/// sends to the receiver.
 ///
 /// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie wholly below the horizon of `n` are never chosen.
 #[derive(Clone, Debug)]
@@ -28,7 +31,7 @@ pub struct Lights {
     environment_weight: f32,
     directional: Vec<(u32, PunctualLight)>,
     /// Probability of the lights at infinity where both groups reach the receiver.
-    infinite_share: f64,
+    infinite_share: f32,
     /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty for an instance that does not emit.
     emitters: Vec<Vec<u32>>,
     power: Color,
@@ -37,8 +40,8 @@ pub struct Lights {
 impl Lights {
     /// Prepares the lights of a scene for sampling; `bounds` is the scene's box.
     ///
-    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are ignored, as is an environment whose
-    /// size contradicts its pixels.
+    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are
+    /// ignored, as is an environment whose size contradicts its pixels.
     pub fn build(
         geometry: &Geometry,
         emitters: Vec<Emitter>,
@@ -54,7 +57,8 @@ impl Lights {
         let tree = LightTree::new(triangles, near);
         let environment = environment.and_then(Environment::new);
 
-        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area from inside.
+        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area
+        // from inside.
         let finite_power = near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
         let fluence = environment.as_ref().map_or(Color::ZERO, Environment::fluence);
         let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
@@ -69,7 +73,7 @@ impl Lights {
             emitters: index_emitters(geometry, tree.triangles()),
             environment_weight: 0.25 * weight(fluence),
             power: finite_power + (fluence + parallel) * (PI * radius * radius),
-            infinite_share: f64::from(share),
+            infinite_share: share,
             tree,
             environment,
             directional,
@@ -101,14 +105,14 @@ impl Lights {
         Some(self.tree.triangles()).filter(|t| t.len() <= LEAF)
     }
 
-    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes time in proportion to their
-    /// number.
+    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes
+    /// time in proportion to their number.
     pub fn unoccluded_irradiance(&self, p: Vec3, n: Vec3) -> Color {
         self.tree.triangles().iter().map(|t| t.emitter().radiance * t.irradiance(p, n)).sum()
     }
 
-    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere around the scene's box from
-    /// the environment and from directional lights.
+    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere
+    /// around the scene's box from the environment and from directional lights.
     pub fn power(&self) -> Color {
         self.power
     }
@@ -118,32 +122,36 @@ impl Lights {
         self.environment.as_ref().map_or(Color::ZERO, |e| e.radiance(direction))
     }
 
-    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the receiver or the direction lies below its horizon.
+    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the
+    /// receiver or the direction lies below its horizon.
     pub fn sample(&self, p: Vec3, n: Option<Vec3>, select: f32, u: Vec2) -> Option<LightSample> {
         let mut sample = None;
         let comb = Comb { offset: f64::from(select), count: 1 };
-        self.distribute(p, n, comb, &mut |light, share| sample = self.sample_light(light, share.probability as f32, p, n, u));
+        self.distribute(p, n, comb, &mut |light, share| {
+            if let Some(light) = self.prepare(light, share.probability, p, n) {
+                light.sample(1, |_| u, &mut |s| sample = Some(s));
+            }
+        });
         sample
     }
 
-    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples, rounded up or down at random, and
-    /// the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come
-    /// one after another. The same `seed` gives the same samples.
+    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples,
+    /// rounded up or down at random, and the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over
+    /// all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come one after another. The same `seed` gives
+    /// the same samples.
     pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
         let comb = Comb { offset: f64::from(unit_float(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
-            let Range { start, end } = share.choices;
-            let scramble = hash(seed ^ hash(start.wrapping_add(0x9e37_79b9)));
-            for i in 0..end - start {
-                let u = stratified_point(i, end - start, scramble);
-                if let Some(sample) = self.sample_light(light, share.probability as f32, p, n, u) {
-                    out(sample);
-                }
+            if let Some(light) = self.prepare(light, share.probability, p, n) {
+                let scramble = hash(seed ^ hash(share.choices.start.wrapping_add(0x9e37_79b9)));
+                let count = share.choices.len() as u32;
+                light.sample(count, |i| stratified_point(i, count, scramble), out);
             }
         });
     }
 
-    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of this triangle; 0 if that does not emit towards `p`.
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of
+    /// this triangle; 0 if that does not emit towards `p`.
     pub fn pdf_triangle(&self, p: Vec3, n: Option<Vec3>, instance: u32, triangle: u32, wi: Vec3, distance: f32) -> f32 {
         let Some(index) = self.emitter_index(instance, triangle) else { return 0.0 };
         if below_horizon(n, wi) {
@@ -154,7 +162,7 @@ impl Lights {
             return 0.0;
         }
         let (infinite, _) = self.infinite_probability(p, n);
-        (1.0 - infinite) as f32 * self.tree.probability(p, n, index) * density
+        (1.0 - infinite) * self.tree.probability(p, n, index) * density
     }
 
     /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way of the environment.
@@ -164,11 +172,11 @@ impl Lights {
             return 0.0;
         }
         let (infinite, total) = self.infinite_probability(p, n);
-        infinite as f32 * (self.environment_weight / total) * environment.pdf(n, wi)
+        infinite * (self.environment_weight / total) * environment.pdf(n, wi)
     }
 
     /// The probability of the lights at infinity, and the sum of their weights.
-    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f64, f32) {
+    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f32, f32) {
         let total = self.environment_weight + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
         if total <= 0.0 {
             (0.0, total)
@@ -181,57 +189,86 @@ impl Lights {
 
     /// Distributes the choices of a comb over all lights, those at infinity first.
     fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, out: &mut impl FnMut(Light, Share)) {
-        let (infinite, total) = self.infinite_probability(p, n);
-        let mut rest = Share { start: 0.0, probability: 1.0, choices: 0..comb.count };
-        if infinite > 0.0 {
-            let environment = self.environment.as_ref().map(|_| (Light::Environment, self.environment_weight));
-            let directional = (0..).zip(&self.directional).map(|(i, (_, l))| (Light::Directional(i), l.importance(p, n)));
-            for (light, value) in environment.into_iter().chain(directional) {
-                let probability = infinite * f64::from(value / total);
-                let (choices, others) = comb.split(&rest.choices, rest.start + probability);
-                if value > 0.0 && !choices.is_empty() {
-                    out(light, Share { start: rest.start, probability, choices });
-                }
-                rest = Share { start: rest.start + probability, probability: 0.0, choices: others };
+        let (infinite, _) = self.infinite_probability(p, n);
+        let groups = comb.split(Share::all(comb), [infinite, 1.0 - infinite].into_iter());
+        for (group, share) in groups {
+            if group == 1 {
+                self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+                continue;
             }
-        }
-        if infinite < 1.0 {
-            let share = Share { start: infinite, probability: 1.0 - infinite, choices: rest.choices };
-            self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+            let directional = self.directional.iter().map(|(_, l)| l.importance(p, n));
+            for (i, share) in comb.split(share, std::iter::once(self.environment_weight).chain(directional)) {
+                out(if i == 0 { Light::Environment } else { Light::Directional(i - 1) }, share);
+            }
         }
     }
 
-    /// A direction towards a light that was chosen with the given probability.
-    fn sample_light(&self, light: Light, probability: f32, p: Vec3, n: Option<Vec3>, u: Vec2) -> Option<LightSample> {
-        let sample = match light {
-            Light::Environment => {
-                let environment = self.environment.as_ref()?;
-                let (wi, density) = environment.sample(n, u);
-                let (radiance, pdf) = (environment.radiance(wi), probability * density);
-                LightSample { wi, distance: f32::INFINITY, radiance, pdf, delta: false, source: LightSource::Environment }
+    /// `None` if the light turns out not to reach the receiver.
+    fn prepare(&self, light: Light, probability: f64, p: Vec3, n: Option<Vec3>) -> Option<Prepared<'_>> {
+        let kind = match light {
+            Light::Environment => PreparedKind::Environment(self.environment.as_ref()?),
+            Light::Finite(Pick::Triangle(index)) => PreparedKind::Triangle(self.tree.triangles()[index].view(p)?),
+            Light::Finite(Pick::Punctual(index)) => {
+                let (index, light) = self.tree.punctual(index);
+                PreparedKind::Punctual(index, light.incidence(p)?)
             }
-            Light::Finite(Pick::Triangle(index)) => {
-                let triangle = &self.tree.triangles()[index];
-                let point = triangle.sample(p, u)?;
-                let Emitter { instance, triangle: triangle_index, radiance, .. } = *triangle.emitter();
-                let (u, v) = point.barycentric.into();
-                let source = LightSource::Triangle { instance, triangle: triangle_index, u, v };
-                LightSample {
-                    wi: point.wi,
-                    distance: point.distance,
-                    radiance,
-                    pdf: probability * point.pdf,
-                    delta: false,
-                    source,
-                }
-            }
-            Light::Finite(Pick::Punctual(index)) => sample_punctual(self.tree.punctual(index), probability, p)?,
             Light::Directional(index) => {
-                let (scene_index, light) = &self.directional[index];
-                sample_punctual((*scene_index, light), probability, p)?
+                let (index, light) = &self.directional[index];
+                PreparedKind::Punctual(*index, light.incidence(p)?)
             }
         };
-        (sample.pdf > 0.0 && !below_horizon(n, sample.wi)).then_some(sample)
+        Some(Prepared { kind, probability: probability as f32, n })
+    }
+}
+
+/// A chosen light with what all samples of it from one receiver share.
+struct Prepared<'a> {
+    kind: PreparedKind<'a>,
+    probability: f32,
+    n: Option<Vec3>,
+}
+
+enum PreparedKind<'a> {
+    Environment(&'a Environment),
+    Triangle(View<'a>),
+    Punctual(u32, PunctualIncidence),
+}
+
+impl Prepared<'_> {
+    /// Calls `out` for those of `count` samples, made of the points `u(i)` of the unit square, that lie above the horizon.
+    #[inline]
+    fn sample(&self, count: u32, u: impl Fn(u32) -> Vec2, out: &mut impl FnMut(LightSample)) {
+        let mut emit = |wi, distance, radiance, density, source| {
+            let pdf = self.probability * density;
+            if pdf > 0.0 && !below_horizon(self.n, wi) {
+                out(LightSample { wi, distance, radiance, pdf, delta: matches!(source, LightSource::Punctual(_)), source });
+            }
+        };
+        match &self.kind {
+            PreparedKind::Environment(environment) => {
+                for i in 0..count {
+                    let (wi, density) = environment.sample(self.n, u(i));
+                    emit(wi, f32::INFINITY, environment.radiance(wi), density, LightSource::Environment);
+                }
+            }
+            PreparedKind::Triangle(view) => {
+                let &Emitter { instance, triangle, radiance, .. } = view.light.emitter();
+                for first in (0..count).step_by(LANES) {
+                    let used = LANES.min((count - first) as usize);
+                    let points =
+                        view.sample(std::array::from_fn(|lane| if lane < used { u(first + lane as u32) } else { Vec2::ZERO }));
+                    for point in (0..used).filter_map(|lane| points.get(lane)) {
+                        let [u, v] = point.barycentric;
+                        emit(point.wi, point.distance, radiance, point.pdf, LightSource::Triangle { instance, triangle, u, v });
+                    }
+                }
+            }
+            PreparedKind::Punctual(index, incidence) => {
+                for _ in 0..count {
+                    emit(incidence.wi, incidence.distance, incidence.irradiance, 1.0, LightSource::Punctual(*index));
+                }
+            }
+        }
     }
 }
 
@@ -242,18 +279,6 @@ enum Light {
     /// Index into `Lights::directional`.
     Directional(usize),
     Finite(Pick),
-}
-
-fn sample_punctual((index, light): (u32, &PunctualLight), probability: f32, p: Vec3) -> Option<LightSample> {
-    let incidence = light.incidence(p)?;
-    Some(LightSample {
-        wi: incidence.wi,
-        distance: incidence.distance,
-        radiance: incidence.irradiance,
-        pdf: probability,
-        delta: true,
-        source: LightSource::Punctual(index),
-    })
 }
 
 fn below_horizon(n: Option<Vec3>, wi: Vec3) -> bool {
@@ -279,7 +304,8 @@ fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u
     emitters
 }
 
-/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with Owen's scrambling in Laine and Karras' form).
+/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with the nested scrambling of
+/// [Laine11, Sec. 3]).
 fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
     let x = (i as f32 + unit_float(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
     let mut y = i.wrapping_add(hash(!scramble));

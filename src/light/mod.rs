@@ -2,6 +2,7 @@
 
 mod bounds;
 mod environment;
+mod lanes;
 mod lights;
 mod polygon;
 mod punctual;
@@ -54,7 +55,8 @@ pub struct LightSample {
     pub wi: Vec3,
     /// Distance to the light, infinite for the environment and for directional lights.
     pub distance: f32,
-    /// Radiance towards the receiver; the mean over the triangle for an emissive triangle. For a delta light, the irradiance on a surface across `wi`.
+    /// Radiance towards the receiver; the mean over the triangle for an emissive triangle. For a delta light, the irradiance on a surface across
+    /// `wi`.
     pub radiance: Color,
     /// Density per steradian, choice of the light included. For a delta light, the probability of its choice.
     pub pdf: f32,
@@ -106,7 +108,8 @@ pub enum PunctualLight {
     },
 }
 
-/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no rotation the middle column is seen along -Z, and +X lies to its right.
+/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no rotation the middle column is seen along -Z, and +X
+/// lies to its right.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     /// Columns.

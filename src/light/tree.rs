@@ -1,9 +1,10 @@
 //! A tree over the lights at finite distance, for choosing one of many in logarithmic time.
 //!
-//! Inner nodes hold two children and are split by the bounds of the children; a leaf holds a few lights and is split by the lights' own importance. A scene of few lights is
-//! one leaf.
+//! Inner nodes have up to four children and are split by the bounds of the children; a leaf holds a few lights and is split by the lights' own
+//! importance. A scene of few lights is one leaf.
 
-use super::bounds::{Cluster, LightBounds};
+use super::bounds::LightBounds;
+use super::lanes::{GroupLanes, LANES, TriangleLanes};
 use super::{PunctualLight, TriangleLight};
 use crate::geometry::Aabb;
 use crate::math::Vec3;
@@ -14,27 +15,15 @@ use std::ops::Range;
 pub(super) const LEAF: usize = 16;
 /// Candidate planes per axis are the borders of this many bins.
 const BINS: usize = 12;
-/// From this depth on groups are halved by number, which bounds the depth of any tree by that of a path.
-const MAX_SAOH_DEPTH: u32 = 32;
+/// From this depth on groups are halved by number, which bounds the depth of any tree by the 32 steps of a path.
+const MAX_SAOH_DEPTH: u32 = 16;
 
-/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that fall into an interval of cumulated probability choose its light.
+/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that fall into an interval of cumulated probability
+/// choose its light.
 #[derive(Clone, Copy)]
 pub(super) struct Comb {
     pub offset: f64,
     pub count: u32,
-}
-
-impl Comb {
-    /// How many choices lie below `position`.
-    fn below(self, position: f64) -> u32 {
-        (position * f64::from(self.count) - self.offset).ceil().max(0.0) as u32
-    }
-
-    /// The choices of `choices` that lie below `position`, and the rest.
-    pub fn split(self, choices: &Range<u32>, position: f64) -> (Range<u32>, Range<u32>) {
-        let middle = self.below(position).clamp(choices.start, choices.end);
-        (choices.start..middle, middle..choices.end)
-    }
 }
 
 /// An interval of cumulated probability and the choices inside it.
@@ -45,6 +34,49 @@ pub(super) struct Share {
     pub choices: Range<u32>,
 }
 
+impl Share {
+    /// The whole of a comb.
+    pub fn all(comb: Comb) -> Self {
+        Self { start: 0.0, probability: 1.0, choices: 0..comb.count }
+    }
+}
+
+impl Comb {
+    /// Cuts an interval in proportion to `values`, and yields the parts that contain choices. The parts of positive values get all choices.
+    #[inline]
+    pub fn split(self, share: Share, values: impl Iterator<Item = f32> + Clone) -> impl Iterator<Item = (usize, Share)> {
+        let total: f32 = values.clone().sum();
+        let scale = share.probability / f64::from(total);
+        let Share { start, mut choices, .. } = share;
+        // Choice k lies at (k + offset) / count; `next` is where the first one left lies on the scale of the values.
+        let spacing = f64::from(self.count).recip();
+        let position = move |choice: u32| ((f64::from(choice) + self.offset) * spacing - start) / scale;
+        let mut next = position(choices.start);
+        let mut sum = 0.0;
+        values.enumerate().filter_map(move |(i, value)| {
+            let below = sum;
+            sum += value;
+            // The sum reaches the total, to the bit, with the last positive value.
+            let last = sum >= total;
+            if value <= 0.0 || choices.is_empty() || (f64::from(sum) <= next && !last) {
+                return None;
+            }
+            let mut end = choices.start + 1;
+            while end < choices.end && (last || position(end) < f64::from(sum)) {
+                end += 1;
+            }
+            let part = Share {
+                start: start + f64::from(below) * scale,
+                probability: f64::from(value) * scale,
+                choices: choices.start..end,
+            };
+            choices.start = end;
+            next = position(end);
+            Some((i, part))
+        })
+    }
+}
+
 /// A light of the tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Pick {
@@ -52,34 +84,44 @@ pub(super) enum Pick {
     Punctual(usize),
 }
 
-#[derive(Clone, Debug)]
-enum Kind {
-    /// Index of the first child; the second follows it.
+/// Index of an inner node or of a leaf.
+#[derive(Clone, Copy, Debug)]
+enum Child {
     Inner(u32),
-    Leaf(Leaf),
-}
-
-#[derive(Clone, Debug, Default)]
-struct Leaf {
-    triangles: Range<u32>,
-    punctual: Range<u32>,
+    Leaf(u32),
 }
 
 #[derive(Clone, Debug)]
 struct Node {
-    cluster: Cluster,
-    kind: Kind,
+    groups: GroupLanes,
+    /// Unused ones at the end are groups without intensity.
+    children: [Child; LANES],
 }
+
+#[derive(Clone, Debug)]
+struct Leaf {
+    triangles: Range<u32>,
+    /// The triangles again, for their importance: a range of `LightTree::lanes`.
+    lanes: Range<u32>,
+    punctual: Range<u32>,
+}
+
+/// The lights of a leaf by importance: triangles, padded to whole groups, then punctual lights.
+type Importance = [f32; LEAF + LANES];
 
 /// The lights at finite distance.
 #[derive(Clone, Debug)]
 pub(super) struct LightTree {
+    /// `None` without lights.
+    root: Option<Child>,
     nodes: Vec<Node>,
+    leaves: Vec<Leaf>,
+    lanes: Vec<TriangleLanes>,
     /// In the order of the leaves.
     triangles: Vec<TriangleLight>,
     /// In the order of the leaves, with their indices in the scene.
     punctual: Vec<(u32, PunctualLight)>,
-    /// For each triangle, the path from the root to its leaf: bit i is set where the path takes the second child at depth i.
+    /// For each triangle, the path from the root to its leaf: bits 2i and 2i + 1 are the child that it takes at depth i.
     paths: Vec<u64>,
 }
 
@@ -90,50 +132,66 @@ impl LightTree {
         let items = items.chain(punctual.iter().enumerate().map(|(i, l)| (punctual_bounds(&l.1), Pick::Punctual(i))));
         let mut items: Vec<_> =
             items.filter(|(b, _)| b.intensity > 0.0 && b.intensity.is_finite() && b.bounds.diagonal().is_finite()).collect();
-        let mut tree = Self { nodes: Vec::new(), triangles: Vec::new(), punctual: Vec::new(), paths: Vec::new() };
-        if let Some(all) = union(&items) {
-            tree.nodes.push(Node { cluster: Cluster::from(&all), kind: Kind::Inner(0) });
-            tree.build(0, &mut items, &all, 0, 0, &triangles, &punctual);
+        let mut tree = Self {
+            root: None,
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            lanes: Vec::new(),
+            triangles: Vec::new(),
+            punctual: Vec::new(),
+            paths: Vec::new(),
+        };
+        if !items.is_empty() {
+            tree.root = Some(tree.build(&mut items, 0, 0, &triangles, &punctual));
         }
         tree
     }
 
-    #[allow(clippy::too_many_arguments, reason = "the state of a recursion")]
     fn build(
         &mut self,
-        node: usize,
         items: &mut [(LightBounds, Pick)],
-        all: &LightBounds,
         depth: u32,
         path: u64,
         triangles: &[TriangleLight],
         punctual: &[(u32, PunctualLight)],
-    ) {
+    ) -> Child {
         if items.len() <= LEAF {
-            let (first_triangle, first_punctual) = (self.triangles.len() as u32, self.punctual.len() as u32);
-            for (_, pick) in items.iter() {
-                match *pick {
-                    Pick::Triangle(i) => {
-                        self.triangles.push(triangles[i]);
-                        self.paths.push(path);
-                    }
-                    Pick::Punctual(i) => self.punctual.push(punctual[i]),
-                }
-            }
-            self.nodes[node].kind = Kind::Leaf(Leaf {
-                triangles: first_triangle..self.triangles.len() as u32,
-                punctual: first_punctual..self.punctual.len() as u32,
-            });
-            return;
+            return Child::Leaf(self.add_leaf(items, path, triangles, punctual));
         }
-        let middle = if depth < MAX_SAOH_DEPTH { partition(items, all) } else { items.len() / 2 };
-        let first = self.nodes.len();
-        self.nodes[node].kind = Kind::Inner(first as u32);
-        let (left, right) = items.split_at_mut(middle);
-        let bounds = [union(left), union(right)].map(|b| b.unwrap_or(*all));
-        self.nodes.extend(bounds.iter().map(|b| Node { cluster: Cluster::from(b), kind: Kind::Inner(0) }));
-        self.build(first, left, &bounds[0], depth + 1, path, triangles, punctual);
-        self.build(first + 1, right, &bounds[1], depth + 1, path | 1 << depth, triangles, punctual);
+        let halves = cut(items, depth).map(|half| if half.len() > LEAF { cut(half, depth) } else { [half, &mut []] });
+        let mut groups: Vec<_> = halves.into_iter().flatten().filter(|group| !group.is_empty()).collect();
+        let bounds: Vec<_> = groups.iter().filter_map(|group| union(group)).collect();
+        let node = self.nodes.len();
+        self.nodes.push(Node { groups: GroupLanes::new(&bounds), children: [Child::Leaf(0); LANES] });
+        for (i, group) in groups.iter_mut().enumerate() {
+            let child = self.build(group, depth + 1, path | (i as u64) << (2 * depth), triangles, punctual);
+            self.nodes[node].children[i] = child;
+        }
+        Child::Inner(node as u32)
+    }
+
+    fn add_leaf(
+        &mut self,
+        items: &[(LightBounds, Pick)],
+        path: u64,
+        triangles: &[TriangleLight],
+        punctual: &[(u32, PunctualLight)],
+    ) -> u32 {
+        let counts = |tree: &Self| [tree.triangles.len(), tree.lanes.len(), tree.punctual.len()].map(|n| n as u32);
+        let first = counts(self);
+        for (_, pick) in items {
+            match *pick {
+                Pick::Triangle(i) => {
+                    self.triangles.push(triangles[i]);
+                    self.paths.push(path);
+                }
+                Pick::Punctual(i) => self.punctual.push(punctual[i]),
+            }
+        }
+        self.lanes.extend(self.triangles[first[0] as usize..].chunks(LANES).map(TriangleLanes::new));
+        let end = counts(self);
+        self.leaves.push(Leaf { triangles: first[0]..end[0], lanes: first[1]..end[1], punctual: first[2]..end[2] });
+        self.leaves.len() as u32 - 1
     }
 
     /// The emissive triangles, in the order of the leaves.
@@ -154,140 +212,100 @@ impl LightTree {
 
     /// True if some light of the tree may reach the receiver.
     pub fn reaches(&self, p: Vec3, n: Option<Vec3>) -> bool {
-        self.nodes.first().is_some_and(|root| match &root.kind {
-            Kind::Inner(_) => root.cluster.importance(p, n) > 0.0,
-            Kind::Leaf(leaf) => self.leaf_importance(leaf, p, n).1 > 0.0,
-        })
+        match self.root {
+            None => false,
+            Some(Child::Inner(node)) => self.nodes[node as usize].groups.importance(p, n).max_element() > 0.0,
+            Some(Child::Leaf(leaf)) => self.leaf_importance(&self.leaves[leaf as usize], p, n).0.iter().any(|&i| i > 0.0),
+        }
     }
 
-    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets some. Choices that end among lights which all turn
-    /// out not to reach the receiver are lost.
+    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets some. Choices that end among lights which all
+    /// turn out not to reach the receiver are lost.
     pub fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, share: Share, out: &mut impl FnMut(Pick, Share)) {
-        if self.nodes.is_empty() || share.choices.is_empty() {
-            return;
-        }
-        self.distribute_node(0, p, n, comb, share, out);
-    }
-
-    fn distribute_node(
-        &self,
-        node: usize,
-        p: Vec3,
-        n: Option<Vec3>,
-        comb: Comb,
-        mut share: Share,
-        out: &mut impl FnMut(Pick, Share),
-    ) {
-        let mut node = node;
-        loop {
-            match &self.nodes[node].kind {
-                Kind::Leaf(leaf) => return self.distribute_leaf(leaf, p, n, comb, share, out),
-                &Kind::Inner(first) => {
-                    let Some(left_probability) = self.left_probability(first, p, n) else { return };
-                    let first = first as usize;
-                    let left = share.probability * left_probability;
-                    let right = share.probability * (1.0 - left_probability);
-                    let (left_choices, right_choices) = match left_probability {
-                        1.0 => (share.choices, 0..0),
-                        0.0 => (0..0, share.choices),
-                        _ => comb.split(&share.choices, share.start + left),
-                    };
-                    let left = Share { start: share.start, probability: left, choices: left_choices };
-                    let right = Share { start: share.start + left.probability, probability: right, choices: right_choices };
-                    if right.choices.is_empty() {
-                        (node, share) = (first, left);
-                    } else {
-                        if !left.choices.is_empty() {
-                            self.distribute_node(first, p, n, comb, left, out);
-                        }
-                        (node, share) = (first + 1, right);
-                    }
-                }
-            }
+        if let Some(root) = self.root {
+            self.distribute_below(root, p, n, comb, share, out);
         }
     }
 
-    fn distribute_leaf(
+    fn distribute_below(
         &self,
-        leaf: &Leaf,
+        child: Child,
         p: Vec3,
         n: Option<Vec3>,
         comb: Comb,
         share: Share,
         out: &mut impl FnMut(Pick, Share),
     ) {
-        let (importance, total) = self.leaf_importance(leaf, p, n);
-        let count = leaf.triangles.len() + leaf.punctual.len();
-        let Some(last) = importance[..count].iter().rposition(|&i| i > 0.0) else { return };
-        let (mut start, mut choices) = (share.start, share.choices);
-        for (i, &value) in importance[..=last].iter().enumerate() {
-            let probability = share.probability * f64::from(value / total);
-            let mine = if i == last {
-                choices.clone()
-            } else {
-                let (mine, rest) = comb.split(&choices, start + probability);
-                choices = rest;
-                mine
-            };
-            if value > 0.0 && !mine.is_empty() {
-                let pick = match i.checked_sub(leaf.triangles.len()) {
-                    None => Pick::Triangle(leaf.triangles.start as usize + i),
-                    Some(j) => Pick::Punctual(leaf.punctual.start as usize + j),
-                };
-                out(pick, Share { start, probability, choices: mine });
+        match child {
+            Child::Inner(node) => {
+                let node = &self.nodes[node as usize];
+                let importance = node.groups.importance(p, n).to_array();
+                for (i, part) in comb.split(share, importance.into_iter()) {
+                    self.distribute_below(node.children[i], p, n, comb, part, out);
+                }
             }
-            start += probability;
+            Child::Leaf(leaf) => {
+                let leaf = &self.leaves[leaf as usize];
+                let (importance, slots) = self.leaf_importance(leaf, p, n);
+                let padded = slots - leaf.punctual.len();
+                for (i, part) in comb.split(share, importance[..slots].iter().copied()) {
+                    let pick = match i.checked_sub(padded) {
+                        None => Pick::Triangle(leaf.triangles.start as usize + i),
+                        Some(j) => Pick::Punctual(leaf.punctual.start as usize + j),
+                    };
+                    out(pick, part);
+                }
+            }
         }
     }
 
     /// The probability that a choice falls on a triangle (an index into [`LightTree::triangles`]).
     pub fn probability(&self, p: Vec3, n: Option<Vec3>, triangle: usize) -> f32 {
-        let mut probability = 1.0_f64;
+        let mut probability = 1.0;
         let mut path = self.paths[triangle];
-        let mut node = 0;
-        loop {
-            match &self.nodes[node].kind {
-                &Kind::Inner(first) => {
-                    let Some(left) = self.left_probability(first, p, n) else { return 0.0 };
-                    let second = path & 1 == 1;
-                    probability *= if second { 1.0 - left } else { left };
-                    if probability == 0.0 {
-                        return 0.0;
-                    }
-                    node = first as usize + usize::from(second);
-                    path >>= 1;
-                }
-                Kind::Leaf(leaf) => {
-                    let (importance, total) = self.leaf_importance(leaf, p, n);
-                    let value = importance[triangle - leaf.triangles.start as usize];
-                    return if value > 0.0 { (probability * f64::from(value / total)) as f32 } else { 0.0 };
-                }
+        let mut child = self.root;
+        while let Some(Child::Inner(node)) = child {
+            let node = &self.nodes[node as usize];
+            let importance = node.groups.importance(p, n).to_array();
+            let index = (path & 3) as usize;
+            probability *= fraction(&importance, index);
+            if probability <= 0.0 {
+                return 0.0;
             }
+            child = Some(node.children[index]);
+            path >>= 2;
         }
+        let Some(Child::Leaf(leaf)) = child else { return 0.0 };
+        let leaf = &self.leaves[leaf as usize];
+        let (importance, slots) = self.leaf_importance(leaf, p, n);
+        (probability * fraction(&importance[..slots], triangle - leaf.triangles.start as usize)) as f32
     }
 
-    /// The probability of the first of two siblings, `None` if neither reaches the receiver.
-    fn left_probability(&self, first: u32, p: Vec3, n: Option<Vec3>) -> Option<f64> {
-        let first = first as usize;
-        let left = self.nodes[first].cluster.importance(p, n);
-        let right = self.nodes[first + 1].cluster.importance(p, n);
-        let sum = left + right;
-        (sum > 0.0).then(|| f64::from(left / sum))
-    }
-
-    /// The importance of each light of a leaf, triangles first, and the sum.
-    fn leaf_importance(&self, leaf: &Leaf, p: Vec3, n: Option<Vec3>) -> ([f32; LEAF], f32) {
-        let mut importance = [0.0; LEAF];
-        let triangles = &self.triangles[leaf.triangles.start as usize..leaf.triangles.end as usize];
-        let punctual = &self.punctual[leaf.punctual.start as usize..leaf.punctual.end as usize];
-        let values = triangles.iter().map(|t| t.importance(p, n)).chain(punctual.iter().map(|(_, l)| l.importance(p, n)));
-        let mut total = 0.0;
-        for (slot, value) in importance.iter_mut().zip(values) {
-            *slot = value;
-            total += value;
+    /// The importance of each light of a leaf, and the number of slots that they take.
+    fn leaf_importance(&self, leaf: &Leaf, p: Vec3, n: Option<Vec3>) -> (Importance, usize) {
+        let mut importance = [0.0; LEAF + LANES];
+        let mut slots = 0;
+        for lanes in &self.lanes[leaf.lanes.start as usize..leaf.lanes.end as usize] {
+            let (values, mut near) = lanes.importance(p, n);
+            importance[slots..slots + LANES].copy_from_slice(&values.to_array());
+            while near != 0 {
+                let slot = slots + near.trailing_zeros() as usize;
+                importance[slot] = self.triangles[leaf.triangles.start as usize + slot].near_importance(p, n);
+                near &= near - 1;
+            }
+            slots += LANES;
         }
-        (importance, total)
+        for (_, light) in &self.punctual[leaf.punctual.start as usize..leaf.punctual.end as usize] {
+            importance[slots] = light.importance(p, n);
+            slots += 1;
+        }
+        (importance, slots)
     }
+}
+
+/// The part of one value in the sum of all, as [`Comb::split`] has it.
+fn fraction(values: &[f32], index: usize) -> f64 {
+    if values[index] > 0.0 { f64::from(values[index]) / f64::from(values.iter().sum::<f32>()) } else { 0.0 }
 }
 
 fn triangle_bounds(triangle: &TriangleLight) -> LightBounds {
@@ -309,11 +327,20 @@ fn union(items: &[(LightBounds, Pick)]) -> Option<LightBounds> {
     items.iter().map(|(b, _)| *b).reduce(|a, b| a.union(&b))
 }
 
-/// Orders the items so that a good split lies at the returned index: the surface area orientation heuristic over bins along each axis [Conty18, Sec. 4.4].
-fn partition(items: &mut [(LightBounds, Pick)], all: &LightBounds) -> usize {
+/// Cuts a group in two.
+fn cut(items: &mut [(LightBounds, Pick)], depth: u32) -> [&mut [(LightBounds, Pick)]; 2] {
+    let middle = if depth < MAX_SAOH_DEPTH { partition(items) } else { None };
+    let (left, right) = items.split_at_mut(middle.unwrap_or(items.len() / 2));
+    [left, right]
+}
+
+/// Orders the items so that a good split lies at the returned index: the surface area orientation heuristic over bins along each axis [Conty18,
+/// Sec. 4]. `None` where all items lie at one place.
+fn partition(items: &mut [(LightBounds, Pick)]) -> Option<usize> {
+    let all = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.union(l.bounds));
     let centers = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.with(l.bounds.center()));
     let extent = centers.max - centers.min;
-    let longest = (all.bounds.max - all.bounds.min).max_element();
+    let longest = (all.max - all.min).max_element();
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in 0..3 {
         if extent[axis] <= 0.0 {
@@ -332,7 +359,7 @@ fn partition(items: &mut [(LightBounds, Pick)], all: &LightBounds) -> usize {
         }
         group = None;
         // Thin boxes are better cut across their length.
-        let shape = longest / (all.bounds.max[axis] - all.bounds.min[axis]);
+        let shape = longest / (all.max[axis] - all.min[axis]);
         for i in 1..BINS {
             group = merge(group, bins[i - 1]);
             let Some(below) = group else { continue };
@@ -342,11 +369,11 @@ fn partition(items: &mut [(LightBounds, Pick)], all: &LightBounds) -> usize {
             }
         }
     }
-    let Some((_, axis, border)) = best else { return items.len() / 2 };
+    let (_, axis, border) = best?;
     // Stable, so that the order depends on the input alone.
     items.sort_by_key(|(light, _)| bin_of(light, &centers, axis) >= border);
     let middle = items.partition_point(|(light, _)| bin_of(light, &centers, axis) < border);
-    if middle == 0 || middle == items.len() { items.len() / 2 } else { middle }
+    (0 < middle && middle < items.len()).then_some(middle)
 }
 
 fn bin_of(light: &LightBounds, centers: &Aabb, axis: usize) -> usize {

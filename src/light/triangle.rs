@@ -1,8 +1,9 @@
 //! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate of the light that it sends to a point.
 
+use super::lanes::{LANES, Vec3x4, sin_cos};
 use super::{Emitter, polygon_irradiance, weight};
 use crate::geometry::Geometry;
-use crate::math::{Color, Vec2, Vec3};
+use crate::math::{Color, Vec2, Vec3, Vec4};
 
 /// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform sampling of the area is as good.
 const MIN_SOLID_ANGLE: f32 = 1e-4;
@@ -12,14 +13,23 @@ const MAX_SOLID_ANGLE: f32 = 6.27;
 /// An emissive triangle in world space, ready for sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleLight {
-    corner: Vec3,
-    edges: [Vec3; 2],
+    pub(super) corner: Vec3,
+    pub(super) edges: [Vec3; 2],
     /// `edges[0] × edges[1]`: the front face's normal times twice the area.
-    cross: Vec3,
-    longest_squared: f32,
-    weight: f32,
+    pub(super) cross: Vec3,
+    pub(super) longest_squared: f32,
+    pub(super) weight: f32,
     emitter: Emitter,
     mirrored: bool,
+}
+
+/// Directions from a receiver to four points of a triangle.
+pub(super) struct TrianglePoints {
+    wi: Vec3x4,
+    distance: Vec4,
+    pdf: Vec4,
+    /// Weights of the mesh's second and third vertex.
+    barycentric: [Vec4; 2],
 }
 
 /// A direction from a receiver to a point of a triangle.
@@ -29,13 +39,30 @@ pub(super) struct TrianglePoint {
     /// Per steradian.
     pub pdf: f32,
     /// Weights of the mesh's second and third vertex.
-    pub barycentric: Vec2,
+    pub barycentric: [f32; 2],
 }
 
-/// A triangle as seen from a receiver: corners relative to it, and six times the volume of the tetrahedron that it spans with them, positive where the triangle emits.
-struct View {
-    corners: [Vec3; 3],
+impl TrianglePoints {
+    /// `None` where rounding left no direction.
+    #[inline]
+    pub fn get(&self, i: usize) -> Option<TrianglePoint> {
+        let (distance, pdf) = (self.distance[i], self.pdf[i]);
+        let usable = distance > 0.0 && pdf > 0.0 && pdf.is_finite();
+        usable.then(|| TrianglePoint { wi: self.wi.lane(i), distance, pdf, barycentric: self.barycentric.map(|b| b[i]) })
+    }
+}
+
+/// A triangle as seen from a receiver that its emitting face looks at.
+pub(super) struct View<'a> {
+    pub light: &'a TriangleLight,
+    /// First corner, relative to the receiver.
+    corner: Vec3,
+    /// Unit directions to the corners.
+    directions: [Vec3; 3],
+    /// Six times the volume of the tetrahedron of receiver and triangle.
     volume: f32,
+    /// Steradians.
+    solid_angle: f32,
 }
 
 impl TriangleLight {
@@ -88,109 +115,128 @@ impl TriangleLight {
 
     /// Irradiance at `p` on a surface with unit normal `n`, per unit radiance and without occlusion; 0 where no emitting face is seen.
     pub fn irradiance(&self, p: Vec3, n: Vec3) -> f32 {
-        if self.view(p).is_some() { polygon_irradiance(&self.corners(), p, n) } else { 0.0 }
+        if self.volume(p) > 0.0 { polygon_irradiance(&self.corners(), p, n) } else { 0.0 }
+    }
+
+    /// Six times the volume of the tetrahedron of receiver and triangle, positive only where the triangle emits.
+    fn volume(&self, p: Vec3) -> f32 {
+        let signed = self.cross.dot(p - self.corner);
+        if self.emitter.double_sided { signed.abs() } else { signed }
     }
 
     /// `None` where `p` sees no emitting face.
-    fn view(&self, p: Vec3) -> Option<View> {
-        let a = self.corner - p;
-        let signed = -self.cross.dot(a);
-        let volume = if self.emitter.double_sided { signed.abs() } else { signed };
-        (volume > 0.0).then(|| View { corners: [a, a + self.edges[0], a + self.edges[1]], volume })
+    ///
+    /// The solid angle is that of
+    ///
+    /// ```text
+    /// tan(Ω/2) = |a·(b×c)| / (1 + a·b + b·c + c·a)          [VanOosterom83, Eq. 8]
+    /// ```
+    ///
+    /// with unit vectors to the corners, the triple product taken from the plane's distance, where it does not cancel.
+    pub(super) fn view(&self, p: Vec3) -> Option<View<'_>> {
+        let volume = self.volume(p);
+        if volume.is_nan() || volume <= 0.0 {
+            return None;
+        }
+        let corner = self.corner - p;
+        let corners = [corner, corner + self.edges[0], corner + self.edges[1]];
+        let inverse = corners.map(|c| c.length_squared().sqrt().recip());
+        let directions @ [a, b, c] = std::array::from_fn(|i| corners[i] * inverse[i]);
+        let triple = volume * (inverse[0] * inverse[1] * inverse[2]);
+        let solid_angle = 2.0 * triple.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        Some(View { light: self, corner, directions, volume, solid_angle })
     }
 
-    /// An estimate of the irradiance at `p` (on a surface with normal `n`), or of solid angle times radiance without a normal, by which lights are chosen. Zero if and
-    /// only if the triangle cannot light the receiver: it is below the horizon, turned away, degenerate or black.
-    pub(super) fn importance(&self, p: Vec3, n: Option<Vec3>) -> f32 {
+    /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a normal) by which the light is chosen where `p` is
+    /// close: the solid angle times the mean cosine. Zero if the triangle cannot light the receiver.
+    pub(super) fn near_importance(&self, p: Vec3, n: Option<Vec3>) -> f32 {
         let Some(view) = self.view(p) else { return 0.0 };
-        let [a, b, c] = view.corners;
-        let center = (a + b + c) * (1.0 / 3.0);
-        let cosines = n.map(|n| [a, b, c, center].map(|x| n.dot(x).max(0.0)));
-        let squares = [a, b, c, center].map(Vec3::length_squared);
-        let estimate = if squares[3] > self.longest_squared {
-            // Far: the quadrature rule of degree 2 with the corners, for the integral of cosθ cosθ' / d² over the area.
-            let values = match cosines {
-                Some(cosines) => std::array::from_fn(|i| cosines[i] / (squares[i] * squares[i])),
-                None => squares.map(|s| 1.0 / (s * s.sqrt())),
-            };
-            0.5 * view.volume * quadrature(values)
-        } else {
-            // Near: the exact solid angle, and the mean cosine.
-            let mean = cosines.map_or(1.0, |cosines| {
-                quadrature(std::array::from_fn(|i| cosines[i] / squares[i].sqrt().max(f32::MIN_POSITIVE)))
-            });
-            view.solid_angle() * mean
+        let [a, b, c] = view.directions;
+        let cosine = |n: Vec3| {
+            let center = (view.corner * 3.0 + self.edges[0] + self.edges[1]).normalize_or_zero();
+            let [a, b, c, center] = [a, b, c, center].map(|x| n.dot(x).max(0.0));
+            (a + b + c) * (1.0 / 12.0) + 0.75 * center
         };
-        self.weight * estimate
+        self.weight * view.solid_angle * n.map_or(1.0, cosine)
     }
 
-    /// A direction to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
-    pub(super) fn sample(&self, p: Vec3, u: Vec2) -> Option<TrianglePoint> {
-        let view = self.view(p)?;
-        let solid_angle = view.solid_angle();
-        let by_solid_angle = samples_by_solid_angle(solid_angle);
-        let weights =
-            if by_solid_angle { self.intersect(&view, view.sample_direction(solid_angle, u)) } else { square_to_triangle(u) };
-        let to_light = view.corners[0] + self.edges[0] * weights.x + self.edges[1] * weights.y;
-        let distance = to_light.length();
-        let pdf = if by_solid_angle { solid_angle.recip() } else { area_pdf(distance, view.volume) };
-        let usable = distance > 0.0 && pdf.is_finite() && pdf > 0.0;
-        let barycentric = if self.mirrored { Vec2::new(weights.y, weights.x) } else { weights };
-        usable.then(|| TrianglePoint { wi: to_light / distance, distance, pdf, barycentric })
-    }
-
-    /// Density per steradian with which [`TriangleLight::sample`] chooses a direction that meets the triangle at `distance`.
+    /// Density per steradian with which [`View::sample`] chooses a direction that meets the triangle at `distance`.
     pub(super) fn pdf(&self, p: Vec3, distance: f32) -> f32 {
-        let Some(view) = self.view(p) else { return 0.0 };
-        let solid_angle = view.solid_angle();
-        let pdf = if samples_by_solid_angle(solid_angle) { solid_angle.recip() } else { area_pdf(distance, view.volume) };
-        if pdf.is_finite() { pdf } else { 0.0 }
-    }
-
-    /// Weights of the second and third corner where a direction from the receiver meets the plane, pulled into the triangle.
-    fn intersect(&self, view: &View, direction: Vec3) -> Vec2 {
-        let [e1, e2] = self.edges;
-        let across = direction.cross(e2);
-        let scale = e1.dot(across).recip();
-        let origin = -view.corners[0];
-        // max() before min() turns the NaN of a direction inside the plane into a corner.
-        let beta = (origin.dot(across) * scale).max(0.0).min(1.0);
-        let gamma = (direction.dot(origin.cross(e1)) * scale).max(0.0).min(1.0);
-        Vec2::new(beta, gamma) / (beta + gamma).max(1.0)
+        self.view(p).map_or(0.0, |view| view.pdf(distance)).min(f32::MAX)
     }
 }
 
-impl View {
-    /// Solid angle in steradians.
-    ///
-    ///     tan(Ω/2) = |a·(b×c)| / (|a||b||c| + (a·b)|c| + (b·c)|a| + (c·a)|b|)          [VanOosterom83, Eq. 8]
-    fn solid_angle(&self) -> f32 {
-        let [a, b, c] = self.corners;
-        let (la, lb, lc) = (a.length(), b.length(), c.length());
-        2.0 * self.volume.atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+impl View<'_> {
+    /// Four directions to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
+    pub fn sample(&self, u: [Vec2; LANES]) -> TrianglePoints {
+        let by_solid_angle = samples_by_solid_angle(self.solid_angle);
+        let ([beta, gamma], light) =
+            (if by_solid_angle { self.intersect(self.sample_directions(u)) } else { squares_to_triangle(u) }, self.light);
+        let to_light = Vec3x4::splat(self.corner) + Vec3x4::splat(light.edges[0]) * beta + Vec3x4::splat(light.edges[1]) * gamma;
+        let squared = to_light.dot(to_light);
+        let inverse = squared.sqrt().recip();
+        let distance = squared * inverse;
+        let pdf = if by_solid_angle {
+            Vec4::splat(self.solid_angle.recip())
+        } else {
+            distance * distance * distance * (2.0 / self.volume)
+        };
+        let barycentric = if light.mirrored { [gamma, beta] } else { [beta, gamma] };
+        TrianglePoints { wi: to_light * inverse, distance, pdf, barycentric }
     }
 
-    /// A unit direction, uniform over the spherical triangle of the given solid angle: `u.x` chooses the arc from B to a point C' of the side AC, so that
-    /// the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95, Sec. 3].
-    ///
-    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the
-    /// formula for the solid angle Ω' of ABC' becomes linear in τ and is solved for it:
-    ///
-    ///     tan(Ω'/2) = τ |det(A,B,T)| / (1 + A·B + τ B·T)
-    fn sample_direction(&self, solid_angle: f32, u: Vec2) -> Vec3 {
-        let [a, b, c] = self.corners.map(Vec3::normalize);
-        let chord = c - a;
-        let t = (chord - a * chord.dot(a)).normalize_or_zero();
-        let (sin, cos) = (0.5 * solid_angle * u.x).sin_cos();
-        let one_plus_ab = 0.5 * (a + b).length_squared();
-        let tau = sin * one_plus_ab / (cos * a.cross(b).dot(t).abs() - sin * b.dot(t)).max(f32::MIN_POSITIVE);
-        let tau = tau.min(1e15);
-        let on_ac = (a * (1.0 - tau * tau) + t * (2.0 * tau)) / (1.0 + tau * tau);
+    /// Weights of the second and third corner where directions from the receiver meet the plane, pulled into the triangle [Moeller97, Sec. 2].
+    fn intersect(&self, directions: Vec3x4) -> [Vec4; 2] {
+        let [e1, e2] = self.light.edges;
+        let scale = directions.dot(Vec3x4::splat(self.light.cross)).recip();
+        let beta = directions.dot(Vec3x4::splat(e2.cross(self.corner))) * scale;
+        let gamma = directions.dot(Vec3x4::splat(self.corner.cross(e1))) * scale;
+        let (beta, gamma) = (beta.max(Vec4::ZERO), gamma.max(Vec4::ZERO));
+        let shrink = (beta + gamma).max(Vec4::ONE).recip();
+        [beta * shrink, gamma * shrink]
+    }
 
-        let chord = on_ac - b;
-        let tangent = (chord - b * chord.dot(b)).normalize_or_zero();
-        let rise = u.y * 0.5 * chord.length_squared();
-        b * (1.0 - rise) + tangent * (rise * (2.0 - rise)).max(0.0).sqrt()
+    /// Density per steradian of a direction that meets the triangle at `distance`.
+    fn pdf(&self, distance: f32) -> f32 {
+        if samples_by_solid_angle(self.solid_angle) {
+            self.solid_angle.recip()
+        } else {
+            // d² / (A cosθ'), with A cosθ' d = volume / 2.
+            2.0 * distance * distance * distance / self.volume
+        }
+    }
+
+    /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the arc from B to a point C' of the side AC, so
+    /// that the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95, pp. 437-438].
+    ///
+    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the formula
+    /// for the solid angle Ω' of ABC' becomes linear in τ:
+    ///
+    /// ```text
+    /// tan(Ω'/2) = τ |A·(B×T)| / (1 + A·B + τ B·T)
+    /// ```
+    ///
+    /// Below, `rise` / `run` is τ.
+    fn sample_directions(&self, u: [Vec2; LANES]) -> Vec3x4 {
+        let [a, b, c] = self.directions;
+        let chord = c - a;
+        let tangent = (chord + a * (0.5 * chord.length_squared())).normalize_or_zero();
+        let (ux, uy) = (Vec4::from_array(u.map(|u| u.x)), Vec4::from_array(u.map(|u| u.y)));
+        let (sin, cos) = sin_cos(ux * (0.5 * self.solid_angle));
+        let rise = sin * (0.5 * (a + b).length_squared());
+        let run = (cos * a.cross(b).dot(tangent).abs() - sin * b.dot(tangent)).max(Vec4::splat(1e-12));
+        let scale = (run * run + rise * rise).recip();
+        let on_side =
+            Vec3x4::splat(a) * ((run * run - rise * rise) * scale) + Vec3x4::splat(tangent) * (run * rise * scale * 2.0);
+
+        // The versine 1 - cos of the arc BC', without cancellation.
+        let b = Vec3x4::splat(b);
+        let chord = on_side - b;
+        let versine = chord.dot(chord) * 0.5;
+        let step = uy * versine;
+        let two = Vec4::splat(2.0);
+        let across = (uy * (two - step) / (two - versine).max(Vec4::splat(f32::MIN_POSITIVE))).sqrt();
+        b * (Vec4::ONE - step) + (chord + b * versine) * across
     }
 }
 
@@ -198,23 +244,9 @@ fn samples_by_solid_angle(solid_angle: f32) -> bool {
     (MIN_SOLID_ANGLE..=MAX_SOLID_ANGLE).contains(&solid_angle)
 }
 
-/// The density per steradian of uniform sampling by area, d² / (A cosθ'), with A cosθ' d = volume / 2.
-fn area_pdf(distance: f32, volume: f32) -> f32 {
-    2.0 * distance * distance * distance / volume
-}
-
-/// The mean over a triangle of a function known at the corners and the centre, exact for polynomials of degree 2.
-fn quadrature([a, b, c, center]: [f32; 4]) -> f32 {
-    (a + b + c) * (1.0 / 12.0) + 0.75 * center
-}
-
-/// Uniform weights of the second and third corner; keeps strata compact [Heitz19, Listing 1].
-fn square_to_triangle(u: Vec2) -> Vec2 {
-    if u.y > u.x {
-        let x = 0.5 * u.x;
-        Vec2::new(x, u.y - x)
-    } else {
-        let y = 0.5 * u.y;
-        Vec2::new(u.x - y, y)
-    }
+/// Uniform weights of the second and third corner; keeps strata compact [Heitz19, pp. 1-2].
+fn squares_to_triangle(u: [Vec2; LANES]) -> [Vec4; 2] {
+    let weights =
+        u.map(|u| if u.y > u.x { Vec2::new(0.5 * u.x, u.y - 0.5 * u.x) } else { Vec2::new(u.x - 0.5 * u.y, 0.5 * u.y) });
+    [Vec4::from_array(weights.map(|w| w.x)), Vec4::from_array(weights.map(|w| w.y))]
 }
