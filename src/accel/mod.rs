@@ -86,6 +86,12 @@ enum Tracer {
     Bvh(bvh::Bvh),
 }
 
+/// Rays in a tracer's own layout.
+pub(crate) struct Packets(
+    #[cfg(feature = "embree")] crate::ffi::embree::Packets,
+    #[cfg(not(feature = "embree"))] std::convert::Infallible,
+);
+
 /// Calls the same function of whichever tracer there is.
 macro_rules! trace {
     ($self:ident, $tracer:ident => $call:expr) => {
@@ -144,6 +150,24 @@ impl Accel {
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
         debug_assert_eq!(rays.len(), blocked.len());
         trace!(self, tracer => tracer.occluded_packets(rays, blocked));
+    }
+
+    /// Packets for [`Accel::trace_packets`]; `None` if the tracer has none.
+    pub(crate) fn lay_out_packets(&self, rays: &[Ray]) -> Option<Packets> {
+        match &self.tracer {
+            #[cfg(feature = "embree")]
+            Tracer::Embree(_) => Some(Packets(crate::ffi::embree::Packets::new(rays))),
+            Tracer::Bvh(_) => None,
+        }
+    }
+
+    /// Traces packets that were laid out before, without conversions: what the bench compares [`Accel::intersect_many`] to.
+    pub(crate) fn trace_packets(&self, packets: &mut Packets) {
+        match &self.tracer {
+            #[cfg(feature = "embree")]
+            Tracer::Embree(scene) => scene.trace_packets(&mut packets.0),
+            Tracer::Bvh(_) => {}
+        }
     }
 
     /// Who traces.
