@@ -1,5 +1,6 @@
 //! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or by a BVH in Rust.
 
+mod build;
 mod bvh;
 #[cfg(feature = "embree")]
 mod embree;
@@ -121,7 +122,7 @@ impl Accel {
                     "this lumicache was compiled without Embree: choose the backend \"bvh\", or compile with the feature \"embree\"".into(),
                 ));
             }
-            Backend::Bvh => Tracer::Bvh(bvh::Bvh::build(geometry)?),
+            Backend::Bvh => Tracer::Bvh(bvh::Bvh::new(geometry)),
         };
         Ok(Self { tracer, build_seconds: start.elapsed().as_secs_f64() })
     }

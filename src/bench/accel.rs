@@ -360,7 +360,7 @@ mod tests {
     #[test]
     #[ignore = "a measurement of 20 s: run it alone with --nocapture"]
     fn measure_300_thousand_triangles() {
-        for (name, geometry) in [("one level", hall(128, 4, false)), ("instances", hall(128, 300, true))] {
+        for (name, geometry) in [("one level", hall(128, 4, false))] {
             println!("{name}\n{}", run(&geometry, &mut camera, Options::default()).unwrap().table());
         }
     }
