@@ -7,7 +7,7 @@ use super::triangle::Triangle;
 use super::{Hit, Ray};
 use crate::geometry::Geometry;
 use crate::math::{Affine3A, Vec3};
-use glam::Vec3A;
+use glam::{DAffine3, Vec3A};
 use obvhs::aabb::Aabb;
 
 /// What builds the hierarchy.
@@ -36,7 +36,7 @@ struct Placed {
     instance: u32,
     /// Index into [`Bvh::meshes`].
     mesh: u32,
-    to_object: Affine3A,
+    to_object: DAffine3,
 }
 
 impl Triangles {
@@ -216,6 +216,9 @@ impl Placed {
     /// Origin and direction of `ray` in the mesh's space; distances stay what they are.
     #[inline]
     fn to_local(&self, ray: &Ray) -> (Vec3, Vec3) {
-        (self.to_object.transform_point3(ray.origin), self.to_object.transform_vector3(ray.dir))
+        // In single precision an origin far from a small instance would lose its last digits.
+        let origin = self.to_object.transform_point3(ray.origin.as_dvec3());
+        let dir = self.to_object.transform_vector3(ray.dir.as_dvec3());
+        (origin.as_vec3(), dir.as_vec3())
     }
 }

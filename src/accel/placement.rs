@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::ffi::ray::LIMIT;
 use crate::geometry::{Geometry, Instance, TriangleMesh};
 use crate::math::{Affine3A, Vec3};
+use glam::DAffine3;
 
 /// A mesh of at most this many triangles is copied for each of its instances: a hierarchy of its own would cost rays more than it saves in memory.
 const SMALL: usize = 32;
@@ -14,7 +15,7 @@ const STEEPEST: f32 = 1e5;
 
 /// Which instances share a hierarchy of their mesh; the others are flattened.
 pub struct Placement {
-    to_object: Vec<Option<Affine3A>>,
+    to_object: Vec<Option<DAffine3>>,
 }
 
 impl Placement {
@@ -31,16 +32,16 @@ impl Placement {
     }
 
     /// The map from the world to the space of its mesh if the instance shares its mesh's hierarchy.
-    pub fn to_object(&self, instance: usize) -> Option<Affine3A> {
+    pub fn to_object(&self, instance: usize) -> Option<DAffine3> {
         self.to_object[instance]
     }
 }
 
-/// The inverse of `to_world`, rounded once from double precision; `None` if rays could overflow there, as in an instance that is almost flat.
-fn object_map(to_world: &Affine3A) -> Option<Affine3A> {
-    let map = to_world.as_daffine3().inverse().as_affine3a();
+/// The inverse of `to_world`; `None` if rays could overflow there, as in an instance that is almost flat.
+fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
+    let map = to_world.as_daffine3().inverse();
     let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
-    let in_range = x.max(y).max(z).max_element() <= STEEPEST && map.translation.abs().max_element() <= STEEPEST * LIMIT;
+    let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST) && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
     (map.is_finite() && in_range).then_some(map)
 }
 
