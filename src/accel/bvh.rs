@@ -1,17 +1,14 @@
 //! The hierarchy in Rust: one over all triangles that stand in the world, one for each mesh that instances share, and one over those instances.
 
+use super::build::{Built, LIMIT, build};
 use super::placement::{self, Placement};
-use super::traverse::{self, Walker};
+use super::traverse::{self, Node, Walker};
 use super::triangle::Triangle;
 use super::{Hit, Ray};
-use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use crate::math::{Affine3A, Vec3};
-use obvhs::BvhBuildParams;
+use glam::{DAffine3, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::builder::{build_cwbvh, build_cwbvh_from_tris};
-use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
-use std::time::Duration;
 
 /// What builds the hierarchy.
 pub const VERSION: &str = "obvhs CWBVH 0.4";
@@ -20,55 +17,37 @@ pub const VERSION: &str = "obvhs CWBVH 0.4";
 pub struct Bvh {
     world: Triangles,
     meshes: Vec<Triangles>,
-    instances: Vec<CwBvhNode>,
+    instances: Vec<Node>,
     placed: Vec<Placed>,
 }
 
 /// Triangles of one space, in the order of their leaves.
 #[derive(Default)]
 struct Triangles {
-    nodes: Vec<CwBvhNode>,
+    nodes: Vec<Node>,
     triangles: Vec<Triangle>,
     /// Instance and triangle number of each; the instance is unused for shared meshes.
     ids: Vec<[u32; 2]>,
 }
 
 /// An instance of a shared mesh.
+#[derive(Clone, Copy)]
 struct Placed {
     instance: u32,
     /// Index into [`Bvh::meshes`].
     mesh: u32,
-    to_object: Affine3A,
-}
-
-fn checked(bvh: CwBvh) -> Result<CwBvh> {
-    if !bvh.nodes.is_empty() && traverse::depth(&bvh.nodes) > traverse::MAX_DEPTH {
-        return Err(Error::Device(format!(
-            "the BVH is deeper than {} levels, which only badly degenerate geometry causes: choose the backend \"embree\"",
-            traverse::MAX_DEPTH
-        )));
-    }
-    Ok(bvh)
+    to_object: DAffine3,
 }
 
 impl Triangles {
-    fn build(triangles: Vec<Triangle>, ids: Vec<[u32; 2]>) -> Result<Self> {
-        if triangles.is_empty() {
-            return Ok(Self::default());
+    fn new(triangles: &[Triangle], ids: &[[u32; 2]]) -> Self {
+        let bounds: Vec<_> = triangles.iter().map(|t| Aabb::from_points(&t.vertices().map(Into::into))).collect();
+        let Built { nodes, order } = build(&bounds);
+        Self {
+            nodes,
+            triangles: order.iter().map(|&i| triangles[i as usize]).collect(),
+            ids: order.iter().map(|&i| ids[i as usize]).collect(),
         }
-        let corners: Vec<_> = triangles
-            .iter()
-            .map(|t| {
-                let [v0, v1, v2] = t.vertices().map(Into::into);
-                obvhs::triangle::Triangle { v0, v1, v2 }
-            })
-            .collect();
-        let bvh = checked(build_cwbvh_from_tris(&corners, BvhBuildParams::medium_build(), &mut Duration::default()))?;
-        Ok(Self {
-            triangles: bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect(),
-            ids: bvh.primitive_indices.iter().map(|&i| ids[i as usize]).collect(),
-            nodes: bvh.nodes,
-        })
     }
 
     /// Shortens `tmax` to the closest hit and tells it in `hit`; `instance` replaces the one in `ids` for shared meshes.
@@ -125,10 +104,7 @@ fn world_bounds(bounds: &crate::geometry::Aabb, to_world: &Affine3A) -> Aabb {
 
 impl Bvh {
     /// Builds all hierarchies.
-    ///
-    /// # Errors
-    /// `Error::Device` if one of them gets too deep.
-    pub fn build(geometry: &Geometry) -> Result<Self> {
+    pub fn new(geometry: &Geometry) -> Self {
         let placement = Placement::of(geometry);
         let (mut triangles, mut ids) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
@@ -137,7 +113,7 @@ impl Bvh {
         let mut boxes = Vec::new();
         for (i, instance) in geometry.instances.iter().enumerate() {
             let mesh = placement::mesh_of(geometry, i);
-            if !placement.is_shared(instance.mesh) {
+            let Some(to_object) = placement.to_object(i) else {
                 let positions: Vec<Vec3> = placement::world_positions(geometry, i).collect();
                 for (k, corners) in (0_u32..).zip(&mesh.indices) {
                     if let Some(triangle) = Triangle::new(corners.map(|v| positions[v as usize])) {
@@ -146,36 +122,32 @@ impl Bvh {
                     }
                 }
                 continue;
-            }
+            };
             let slot = match mesh_slot[instance.mesh as usize] {
                 Some(slot) => slot,
                 None => {
-                    let (own, own_ids) = (0_u32..)
+                    let (own, own_ids): (Vec<_>, Vec<_>) = (0_u32..)
                         .zip(&mesh.indices)
                         .filter_map(|(k, c)| Some((Triangle::new(c.map(|v| mesh.positions[v as usize]))?, [0, k])))
                         .unzip();
-                    meshes.push(Triangles::build(own, own_ids)?);
+                    meshes.push(Triangles::new(&own, &own_ids));
                     *mesh_slot[instance.mesh as usize].insert(meshes.len() as u32 - 1)
                 }
             };
-            let to_object = instance.to_world.as_daffine3().inverse().as_affine3a();
             let bounds = mesh
                 .indices
                 .iter()
                 .flatten()
                 .fold(crate::geometry::Aabb::EMPTY, |b, &v| b.with(mesh.positions[v as usize]));
-            placed.push(Placed { instance: i as u32, mesh: slot, to_object });
-            boxes.push(world_bounds(&bounds, &instance.to_world));
+            let bounds = world_bounds(&bounds, &instance.to_world);
+            if bounds.min.abs().max(bounds.max.abs()).cmple(Vec3A::splat(LIMIT)).all() {
+                placed.push(Placed { instance: i as u32, mesh: slot, to_object });
+                boxes.push(bounds);
+            }
         }
-        let world = Triangles::build(triangles, ids)?;
-        let mut instances = Vec::new();
-        if !boxes.is_empty() {
-            let bvh = checked(build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()))?;
-            let mut slots: Vec<Option<Placed>> = placed.into_iter().map(Some).collect();
-            placed = bvh.primitive_indices.iter().filter_map(|&i| slots[i as usize].take()).collect();
-            instances = bvh.nodes;
-        }
-        Ok(Self { world, meshes, instances, placed })
+        let Built { nodes: instances, order } = build(&boxes);
+        let placed = order.iter().map(|&i| placed[i as usize]).collect();
+        Self { world: Triangles::new(&triangles, &ids), meshes, instances, placed }
     }
 
     /// The closest hit of one ray.
@@ -244,6 +216,9 @@ impl Placed {
     /// Origin and direction of `ray` in the mesh's space; distances stay what they are.
     #[inline]
     fn to_local(&self, ray: &Ray) -> (Vec3, Vec3) {
-        (self.to_object.transform_point3(ray.origin), self.to_object.transform_vector3(ray.dir))
+        // In single precision an origin far from a small instance would lose its last digits.
+        let origin = self.to_object.transform_point3(ray.origin.as_dvec3());
+        let dir = self.to_object.transform_vector3(ray.dir.as_dvec3());
+        (origin.as_vec3(), dir.as_vec3())
     }
 }

@@ -23,7 +23,7 @@ pub fn build(geometry: &Geometry) -> Result<Scene> {
             continue;
         }
         let id = i as u32;
-        if !placement.is_shared(instance.mesh) {
+        if placement.to_object(i).is_none() {
             world.add_triangles(id, placement::world_positions(geometry, i).map(|p| p.to_array()), &mesh.indices)?;
             continue;
         }

@@ -1,5 +1,6 @@
 //! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or by a BVH in Rust.
 
+mod build;
 mod bvh;
 #[cfg(feature = "embree")]
 mod embree;
@@ -86,6 +87,12 @@ enum Tracer {
     Bvh(bvh::Bvh),
 }
 
+/// Rays in a tracer's own layout.
+pub(crate) struct Packets(
+    #[cfg(feature = "embree")] crate::ffi::embree::Packets,
+    #[cfg(not(feature = "embree"))] std::convert::Infallible,
+);
+
 /// Calls the same function of whichever tracer there is.
 macro_rules! trace {
     ($self:ident, $tracer:ident => $call:expr) => {
@@ -115,7 +122,7 @@ impl Accel {
                     "this lumicache was compiled without Embree: choose the backend \"bvh\", or compile with the feature \"embree\"".into(),
                 ));
             }
-            Backend::Bvh => Tracer::Bvh(bvh::Bvh::build(geometry)?),
+            Backend::Bvh => Tracer::Bvh(bvh::Bvh::new(geometry)),
         };
         Ok(Self { tracer, build_seconds: start.elapsed().as_secs_f64() })
     }
@@ -144,6 +151,24 @@ impl Accel {
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
         debug_assert_eq!(rays.len(), blocked.len());
         trace!(self, tracer => tracer.occluded_packets(rays, blocked));
+    }
+
+    /// Packets for [`Accel::trace_packets`]; `None` if the tracer has none.
+    pub(crate) fn lay_out_packets(&self, rays: &[Ray]) -> Option<Packets> {
+        match &self.tracer {
+            #[cfg(feature = "embree")]
+            Tracer::Embree(_) => Some(Packets(crate::ffi::embree::Packets::new(rays))),
+            Tracer::Bvh(_) => None,
+        }
+    }
+
+    /// Traces packets that were laid out before, without conversions: what the bench compares [`Accel::intersect_many`] to.
+    pub(crate) fn trace_packets(&self, packets: &mut Packets) {
+        match &self.tracer {
+            #[cfg(feature = "embree")]
+            Tracer::Embree(scene) => scene.trace_packets(&mut packets.0),
+            Tracer::Bvh(_) => {}
+        }
     }
 
     /// Who traces.

@@ -1,15 +1,21 @@
 //! How instances enter a hierarchy: flattened into the world, or sharing one hierarchy of their mesh.
 
 use crate::error::{Error, Result};
-use crate::geometry::{Geometry, TriangleMesh};
-use crate::math::Vec3;
+use crate::ffi::ray::LIMIT;
+use crate::geometry::{Geometry, Instance, TriangleMesh};
+use crate::math::{Affine3A, Vec3};
+use glam::DAffine3;
 
 /// A mesh of at most this many triangles is copied for each of its instances: a hierarchy of its own would cost rays more than it saves in memory.
 const SMALL: usize = 32;
 
-/// Which meshes get a hierarchy of their own.
+/// Largest number in the linear part of a shared instance's world-to-object map. Rays have numbers up to [`crate::ffi::ray::LIMIT`], and Embree wants
+/// those of a ray in object space to stay below 1.8e18.
+const STEEPEST: f32 = 1e5;
+
+/// Which instances share a hierarchy of their mesh; the others are flattened.
 pub struct Placement {
-    shared: Vec<bool>,
+    to_object: Vec<Option<DAffine3>>,
 }
 
 impl Placement {
@@ -18,14 +24,25 @@ impl Placement {
         for instance in &geometry.instances {
             uses[instance.mesh as usize] += 1;
         }
-        let shared = geometry.meshes.iter().zip(uses).map(|(mesh, uses)| uses > 1 && mesh.indices.len() > SMALL).collect();
-        Self { shared }
+        let place = |instance: &Instance| {
+            let mesh = instance.mesh as usize;
+            (uses[mesh] > 1 && geometry.meshes[mesh].indices.len() > SMALL).then(|| object_map(&instance.to_world)).flatten()
+        };
+        Self { to_object: geometry.instances.iter().map(place).collect() }
     }
 
-    /// True if the instances of mesh number `mesh` share one hierarchy in the mesh's own space.
-    pub fn is_shared(&self, mesh: u32) -> bool {
-        self.shared[mesh as usize]
+    /// The map from the world to the space of its mesh if the instance shares its mesh's hierarchy.
+    pub fn to_object(&self, instance: usize) -> Option<DAffine3> {
+        self.to_object[instance]
     }
+}
+
+/// The inverse of `to_world`; `None` if rays could overflow there, as in an instance that is almost flat.
+fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
+    let map = to_world.as_daffine3().inverse();
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
+    let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST) && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
+    (map.is_finite() && in_range).then_some(map)
 }
 
 /// The positions of an instance's mesh in world space.
@@ -44,8 +61,9 @@ pub fn mesh_of(geometry: &Geometry, instance: usize) -> &TriangleMesh {
 /// # Errors
 /// `Error::InvalidArgument` that names the instance or mesh.
 pub fn check(geometry: &Geometry) -> Result<()> {
-    if u32::try_from(geometry.instances.len()).is_err_and(|_| true) || geometry.instances.len() == u32::MAX as usize {
-        return Err(Error::InvalidArgument("more instances than 32 bits can number".into()));
+    let most = u32::MAX as usize;
+    if geometry.instances.len() >= most || geometry.meshes.iter().any(|mesh| mesh.indices.len() >= most) {
+        return Err(Error::InvalidArgument("more instances or triangles than 32 bits can number".into()));
     }
     for (i, instance) in geometry.instances.iter().enumerate() {
         if instance.mesh as usize >= geometry.meshes.len() {

@@ -1,5 +1,6 @@
 //! One triangle against one ray, without gaps between neighbours.
 
+use super::build::LIMIT;
 use crate::math::{DVec3, Vec3};
 
 /// A triangle prepared for [`Triangle::intersect`].
@@ -19,11 +20,11 @@ pub struct TriangleHit {
 }
 
 impl Triangle {
-    /// `None` where nothing can be hit: a triangle without area, or with a vertex that is not finite.
+    /// `None` where nothing can be hit: a triangle without area, or with a vertex that is not finite or beyond [`LIMIT`].
     pub fn new(vertices: [Vec3; 3]) -> Option<Self> {
         let [a, b, c] = vertices.map(|p| p.as_dvec3());
         let normal = (b - a).cross(c - a).try_normalize()?;
-        vertices.iter().all(|p| p.is_finite()).then_some(Self { vertices, normal: normal.as_vec3() })
+        vertices.iter().all(|p| p.abs().cmple(Vec3::splat(LIMIT)).all()).then_some(Self { vertices, normal: normal.as_vec3() })
     }
 
     pub fn vertices(&self) -> [Vec3; 3] {

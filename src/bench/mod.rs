@@ -1,1 +1,3 @@
-//! bench.
+//! Measurements: the tracers against each other, and the caching schemes against references.
+
+pub mod accel;

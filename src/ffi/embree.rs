@@ -533,3 +533,31 @@ impl Scene {
         }
     }
 }
+
+/// Rays that are laid out for [`Scene::trace_packets`].
+pub struct Packets(Vec<raw::RTCRayHit16>);
+
+impl Packets {
+    /// Lays out whole packets of `rays`; rays beyond the last whole packet, and packets with an invalid ray, are left out.
+    pub fn new(rays: &[Ray]) -> Self {
+        let lay_out = |rays: &[Ray]| {
+            let mut packet = raw::RTCRayHit16::default();
+            packet.ray.mask = [u32::MAX; PACKET];
+            packet.hit.geomID = [INVALID_ID; PACKET];
+            packet.hit.instID = [[INVALID_ID; PACKET]];
+            gather(rays, &mut packet.ray).0.iter().all(|&v| v != 0).then_some(packet)
+        };
+        Self(rays.chunks_exact(PACKET).filter_map(lay_out).collect())
+    }
+}
+
+impl Scene {
+    /// Traces packets where they lie, with nothing between the calls of Embree: the measure of what [`Scene::intersect_packets`] adds.
+    pub fn trace_packets(&self, packets: &mut Packets) {
+        let valid = query::Valid([-1; PACKET]);
+        for packet in &mut packets.0 {
+            // SAFETY: the scene is committed, all rays of the packet are initialised and valid.
+            unsafe { query::intersect16(&valid, self.handle, packet, false) };
+        }
+    }
+}
