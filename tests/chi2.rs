@@ -34,7 +34,7 @@ type Sampler<'a> = &'a dyn Fn(f32, Vec2) -> Option<BsdfSample>;
 /// The p-value of the hypothesis that the draws of `sample` have density `pdf`.
 fn p_value(chart: &Chart, seed: u64, pdf: &dyn Fn(Vec3) -> f32, sample: Sampler) -> f64 {
     let density = |w: Vec3| [f64::from(pdf(w)), 0.0, 0.0, 0.0];
-    let mut expected: Vec<f64> = cells(NT, NS).map(|c| integrate(chart, c, 1e-6, 7, &density)[0]).collect();
+    let mut expected: Vec<f64> = cells(NT, NS).map(|c| integrate(chart, c, 3e-6, 7, &density)[0]).collect();
     let total: f64 = expected.iter().sum();
     assert!(total <= 1.0 + 1e-3, "the density integrates to {total}");
     expected.push((1.0 - total).max(0.0));

@@ -13,7 +13,7 @@ fn quadrature(b: &Bsdf, wo: Vec3) -> (Color, f64) {
         [f64::from(pdf), f.x, f.y, f.z]
     };
     let sum = cells(16, 16).fold([0.0; 4], |a, c| {
-        let v = integrate(&chart, c, 4e-6, 6, &g);
+        let v = integrate(&chart, c, 1.5e-5, 6, &g);
         std::array::from_fn(|k| a[k] + v[k])
     });
     (Color::new(sum[1] as f32, sum[2] as f32, sum[3] as f32), sum[0])
