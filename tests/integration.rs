@@ -2,12 +2,14 @@
 
 mod accel; // both back ends agree
 mod architecture; // module order, citations, file sizes
+mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
 mod compare; // image metrics
 mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
 mod furnace; // closed boxes of known radiance
+mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod lights; // light sampling

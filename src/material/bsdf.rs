@@ -146,7 +146,7 @@ impl Bsdf {
     fn evaluate(&self, wo: Vec3, wi: Vec3, diffuse: bool) -> (Color, f32) {
         match &self.0 {
             Model::Layered(l) if wo.z > 0.0 => l.view(wo, diffuse).f_pdf(wo, wi),
-            Model::Layered(l) if wo.z < 0.0 && l.transmits() => l.from_below().view(flip(wo), diffuse).f_pdf(flip(wo), flip(wi)),
+            Model::Layered(l) if wo.z < 0.0 && l.transmits() => l.flipped().view(flip(wo), diffuse).f_pdf(flip(wo), flip(wi)),
             Model::Native(b) if wo.z > 0.0 && wi.z > 0.0 => b.f_pdf(wo, wi, diffuse),
             _ => (Color::ZERO, 0.0),
         }
@@ -162,7 +162,7 @@ impl Bsdf {
             Model::Black => None,
             Model::Lambert(albedo) => {
                 let wi = sample_cosine(u);
-                (wo.z > 0.0 && wi.z > 0.0).then(|| BsdfSample {
+                (wo.z > 0.0 && wi.z > 0.0).then_some(BsdfSample {
                     wi,
                     weight: *albedo,
                     pdf: wi.z * INV_PI,
@@ -189,7 +189,7 @@ impl Bsdf {
         match &self.0 {
             Model::Layered(l) if wo.z > 0.0 => l.view(wo, diffuse).sample(wo, lobe_u, u),
             Model::Layered(l) if wo.z < 0.0 && l.transmits() => {
-                let s = l.from_below().view(flip(wo), diffuse).sample(flip(wo), lobe_u, u)?;
+                let s = l.flipped().view(flip(wo), diffuse).sample(flip(wo), lobe_u, u)?;
                 Some(BsdfSample { wi: flip(s.wi), ..s })
             }
             Model::Native(b) if wo.z > 0.0 => b.sample(wo, lobe_u, u, diffuse),

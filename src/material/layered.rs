@@ -24,8 +24,10 @@ pub(super) struct Layered {
     pub f0: Color,
     /// Its reflectance at grazing incidence.
     pub f90: f32,
-    /// Mean reflectance per bounce between its microfacets.
-    pub bounce: Color,
+    /// Factors of the relative loss by which multiple scattering adds to `f0`: the squared reflectances of metal and dielectric, blended.
+    pub again0: Color,
+    /// The same for `f90`: their products of F0 and F90.
+    pub again90: Color,
     /// GGX roughness of reflector and transmission.
     pub alpha: f32,
     /// Reflectance (F0, F90) of the dielectric that covers the Lambert lobe and thin transmission, the largest channel.
@@ -51,8 +53,10 @@ pub(super) struct View<'a> {
     layers: &'a Layered,
     /// Albedo of the Lambert lobe, zero if it was left out.
     diffuse: Color,
-    /// Factor on the reflector for multiple scattering and the coat.
-    reflect: Color,
+    /// Reflectance of the reflector at normal incidence of the microfacet, with multiple scattering and the coat accounted for.
+    reflect0: Color,
+    /// The same at grazing incidence.
+    reflect90: Color,
     /// Factor on transmission: the light that gets there over the albedo of its single-scattering lobe.
     transmit: f32,
     /// Probabilities of Lambert, reflector, transmission and coat; all zero if nothing is reflected.
@@ -114,7 +118,7 @@ impl Layered {
     }
 
     /// The same surface seen from the other side.
-    pub fn from_below(&self) -> Self {
+    pub fn flipped(&self) -> Self {
         Self { eta: if self.eta > 0.0 { 1.0 / self.eta } else { 0.0 }, ..*self }
     }
 
@@ -128,10 +132,28 @@ impl Layered {
         (1.0 - grazing, grazing)
     }
 
+    /// [`Self::split_albedo`] of the reflector; `(1, 0)` if nothing depends on it.
+    #[inline]
+    fn split(&self, cos: f32) -> (f32, f32) {
+        if self.has_reflector() || self.cover != Vec2::ZERO || self.transmits() {
+            Self::split_albedo(cos, self.alpha)
+        } else {
+            (1.0, 0.0)
+        }
+    }
+
     /// Relative loss `(1 - E)/E` of single scattering, to be given back.
     #[inline]
     fn loss(&self, (a, b): (f32, f32)) -> f32 {
         if self.multiple_scattering { (1.0 - a - b) / (a + b) } else { 0.0 }
+    }
+
+    /// Reflectances (F0, F90) of the reflector with what multiple scattering gives back. A lobe of single-scattering albedo E and reflectance
+    /// F = F0 + (F90 - F0)(1 - cosθ_h)⁵ becomes `F (1 + F0 (1 - E)/E)` [Turquin19], summed over metal and dielectric.
+    #[inline]
+    fn reflectances(&self, split: (f32, f32)) -> (Color, Color) {
+        let loss = self.loss(split);
+        (self.f0 + self.again0 * loss, Color::splat(self.f90) + self.again90 * loss)
     }
 
     /// Albedo of the coat.
@@ -156,7 +178,7 @@ impl Layered {
         if self.diffuse == Color::ZERO {
             return Color::ZERO;
         }
-        let split = Self::split_albedo(cos, self.alpha);
+        let split = self.split(cos);
         self.diffuse * ((1.0 - self.coat_albedo(cos)) * (1.0 - self.cover_albedo(split)))
     }
 
@@ -166,11 +188,11 @@ impl Layered {
         let cos = wo.z;
         let coat = self.coat_albedo(cos);
         let below_coat = 1.0 - coat;
-        let split = Self::split_albedo(cos, self.alpha);
+        let split = self.split(cos);
         let uncovered = below_coat * (1.0 - self.cover_albedo(split));
         let diffuse = if with_diffuse { self.diffuse * uncovered } else { Color::ZERO };
-        let reflect = (Color::ONE + self.bounce * self.loss(split)) * below_coat;
-        let reflected = (self.f0 * split.0 + Color::splat(self.f90 * split.1)) * reflect;
+        let (f0, f90) = self.reflectances(split);
+        let (reflect0, reflect90) = (f0 * below_coat, f90 * below_coat);
         let (transmit, transmitted) = if !self.transmits() {
             (0.0, 0.0)
         } else if self.eta == 0.0 {
@@ -181,12 +203,12 @@ impl Layered {
             let (r, t, _) = self.boundary(cos);
             (below_coat / single, mean(r + t) * below_coat)
         };
-        let mut pick = [mean(diffuse), mean(reflected), transmitted, coat];
+        let mut pick = [mean(diffuse), mean(reflect0 * split.0 + reflect90 * split.1), transmitted, coat];
         let total: f32 = pick.iter().sum();
         if total > 0.0 {
             pick = pick.map(|p| p / total);
         }
-        View { layers: self, diffuse, reflect, transmit, pick }
+        View { layers: self, diffuse, reflect0, reflect90, transmit, pick }
     }
 
     /// Reflectance and transmittance (without `1/η²`) of the solid's boundary at one microfacet, and the refracted cosine.
@@ -203,11 +225,12 @@ impl Layered {
     /// Albedo of all lobes, transmission included.
     pub fn albedo(&self, wo: Vec3) -> Color {
         let cos = wo.z;
-        let split = Self::split_albedo(cos, self.alpha);
+        let split = self.split(cos);
         let coat = self.coat_albedo(cos);
         let covered = if self.eta == 0.0 { self.diffuse + self.transmit } else { self.diffuse };
         let mut below = covered * (1.0 - self.cover_albedo(split));
-        below += (self.f0 * split.0 + Color::splat(self.f90 * split.1)) * (Color::ONE + self.bounce * self.loss(split));
+        let (f0, f90) = self.reflectances(split);
+        below += f0 * split.0 + f90 * split.1;
         if self.eta > 0.0 && self.transmits() {
             let (r, t, _) = self.boundary(cos);
             below += r + t;
@@ -252,7 +275,7 @@ impl View<'_> {
             let d = ggx_d(h, l.alpha);
             let lobe = d * visibility(wo.z, wi.z, l.alpha);
             let lobe_pdf = 0.25 * d * g1_over_cos(wo.z, l.alpha);
-            f += self.reflect * (l.f0 + (Color::splat(l.f90) - l.f0) * grazing) * lobe;
+            f += self.reflect0.lerp(self.reflect90, grazing) * lobe;
             pdf += self.pick[1] * lobe_pdf;
             if l.solid > 0.0 && !l.transmits_smoothly() {
                 let (r, t, _) = l.boundary(cos_h);
@@ -307,8 +330,8 @@ impl View<'_> {
         match lobe {
             0 => self.finish(wo, sample_cosine(u), Lobe::Diffuse, 1.0),
             1 if l.is_smooth() => {
-                let fresnel = l.f0 + (Color::splat(l.f90) - l.f0) * schlick_weight(wo.z);
-                delta(Vec3::new(-wo.x, -wo.y, wo.z), self.reflect * fresnel / p, 1.0)
+                let fresnel = self.reflect0.lerp(self.reflect90, schlick_weight(wo.z));
+                delta(Vec3::new(-wo.x, -wo.y, wo.z), fresnel / p, 1.0)
             }
             1 => self.finish_reflected(wo, l.alpha, u),
             2 if l.eta == 0.0 && l.is_smooth() => delta(-wo, l.transmit * (self.transmit / p), 1.0),
@@ -316,7 +339,7 @@ impl View<'_> {
                 let wi = flip(reflect(wo, sample_visible_normal(wo, l.alpha, u)));
                 if wi.z < 0.0 { self.finish(wo, wi, Lobe::Glossy, 1.0) } else { None }
             }
-            2 => self.sample_solid(wo, (x / p).clamp(0.0, 1.0), p, u),
+            2 => self.sample_solid(wo, (x / p).min(1.0 - f32::EPSILON), p, u),
             _ if l.coat_alpha < DELTA_ALPHA => {
                 let fresnel = COAT_F0 + (1.0 - COAT_F0) * schlick_weight(wo.z);
                 delta(Vec3::new(-wo.x, -wo.y, wo.z), Color::splat(l.coat * fresnel / p), 1.0)

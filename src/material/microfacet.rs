@@ -55,13 +55,13 @@ pub(super) fn visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     0.5 / (cos_o * smith_root(cos_i, alpha) + cos_i * smith_root(cos_o, alpha)).max(1e-12)
 }
 
-/// Density per steradian of the microfacet normal `h` that [`sample_visible_normal`] draws: `G1(wo) (wo·h) D(h) / wo_z` [Heitz18, Eq. 1].
+/// Density per steradian of the microfacet normal `h` that [`sample_visible_normal`] draws: `G1(wo) (wo·h) D(h) / wo_z` [Heitz18].
 #[inline]
 pub(super) fn visible_normal_pdf(wo: Vec3, h: Vec3, alpha: f32) -> f32 {
     g1_over_cos(wo.z, alpha) * wo.dot(h).max(0.0) * ggx_d(h, alpha)
 }
 
-/// Draws a microfacet normal in proportion to its area as seen from `wo` (`wo_z ≥ 0`), by the spherical cap of [Dupuy23, Listing 3].
+/// Draws a microfacet normal in proportion to its area as seen from `wo` (`wo_z ≥ 0`), by the spherical cap of [Dupuy23].
 #[inline]
 pub(super) fn sample_visible_normal(wo: Vec3, alpha: f32, u: Vec2) -> Vec3 {
     let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize_or(Vec3::Z);
