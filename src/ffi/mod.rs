@@ -1,1 +1,4 @@
 //! ffi.
+
+#[cfg(feature = "openexr")]
+pub mod openexr;

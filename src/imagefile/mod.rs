@@ -1,5 +1,9 @@
 //! Image files in and out: EXR, HDR, PNG, JPEG, WebP. Pixels and attributes, no rendering.
 
+pub mod exr;
+pub mod hdr;
+pub mod ldr;
+
 /// Decoded pixels, shared by all textures that show them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureImage {
