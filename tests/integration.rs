@@ -8,6 +8,7 @@ mod compare; // image metrics
 mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
 mod furnace; // closed boxes of known radiance
+mod gltf_maker; // small glTF files made on the spot
 mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod lights; // light sampling
