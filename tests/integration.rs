@@ -10,6 +10,7 @@ mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
 mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
+mod gltf_maker; // small glTF files made on the spot
 mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod lights; // light sampling

@@ -34,7 +34,10 @@ fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
     let mut extents = vec![Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }; components];
     let mut visit = |i: usize, k: usize, x: f64| {
         if !x.is_finite() {
-            return Err(Fault::new(accessor.path.as_str(), format!("component {k} of element {i} is {x}, which is no finite number")));
+            return Err(Fault::new(
+                accessor.path.as_str(),
+                format!("component {k} of element {i} is {x}, which is no finite number"),
+            ));
         }
         let extent = &mut extents[k];
         *extent = Extent { low: extent.low.min(x), high: extent.high.max(x) };

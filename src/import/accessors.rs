@@ -259,7 +259,8 @@ fn fits(json: &Json, buffers: &Buffers, view: usize, offset: u64, count: u64, la
     };
     let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)).and_then(|n| n.checked_add(offset));
     if end.is_none_or(|end| end > view.length) {
-        let what = format!("{count} elements of {element} bytes from {offset} on do not fit the {} bytes of {}", view.length, view.path);
+        let what =
+            format!("{count} elements of {element} bytes from {offset} on do not fit the {} bytes of {}", view.length, view.path);
         return Err(json.fault(what));
     }
     if offset % size != 0 || (view.offset + offset) % size != 0 {

@@ -143,7 +143,13 @@ impl<'p, 'a> Assembly<'p, 'a> {
     }
 
     /// Completes a mesh and adds it to the scene; `None` if nothing of it is left.
-    fn finish(&mut self, primitive: &Primitive, name: String, mut mesh: TriangleMesh, degenerate: usize) -> Parsed<Option<Placed>> {
+    fn finish(
+        &mut self,
+        primitive: &Primitive,
+        name: String,
+        mut mesh: TriangleMesh,
+        degenerate: usize,
+    ) -> Parsed<Option<Placed>> {
         mesh.name = name;
         if degenerate > 0 {
             self.scene.warnings.push(format!("{}: {degenerate} triangles without area are left out", primitive.path));
@@ -196,7 +202,9 @@ impl<'p, 'a> Assembly<'p, 'a> {
         let to_world = Affine3A::from_mat3_translation(to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());
-        let far = to_world.matrix3.x_axis.abs() * reach.x + to_world.matrix3.y_axis.abs() * reach.y + to_world.matrix3.z_axis.abs() * reach.z;
+        let far = to_world.matrix3.x_axis.abs() * reach.x
+            + to_world.matrix3.y_axis.abs() * reach.y
+            + to_world.matrix3.z_axis.abs() * reach.z;
         if !(far + to_world.translation.abs()).is_finite() {
             return Err(Fault::new(node.path.as_str(), "its mesh leaves the range of numbers"));
         }
@@ -247,7 +255,10 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 None => DQuat::IDENTITY,
             };
             if rotation.length_squared() < 1e-6 {
-                return Err(Fault::new(format!("{base}/ROTATION"), format!("element {i} is no rotation: its length should be 1")));
+                return Err(Fault::new(
+                    format!("{base}/ROTATION"),
+                    format!("element {i} is no rotation: its length should be 1"),
+                ));
             }
             let (scale, translation) = (vector(&scales, i, DVec3::ONE), vector(&translations, i, DVec3::ZERO));
             Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))

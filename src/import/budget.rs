@@ -1,7 +1,6 @@
 //! A bound on what a file may make of itself in memory.
 
-use super::json::Parsed;
-use super::json::Fault;
+use super::json::{Fault, Parsed};
 
 /// Counts the bytes that decoding produces against the bytes that were read, so that a small hostile file cannot fill the memory.
 ///
@@ -12,14 +11,21 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// Bytes that any file may decode to.
-    const BASE: u64 = 1 << 30;
+    /// Bytes of geometry that any file may decode to.
+    const GEOMETRY: u64 = 1 << 30;
+    /// Bytes of pixels that any file may decode to; pictures of one colour compress a thousandfold.
+    const PIXELS: u64 = 4 << 30;
     /// Decoded bytes per byte read.
     const RATIO: u64 = 64;
 
-    /// The allowance of a file that has yet to be read.
-    pub fn new() -> Self {
-        Self { left: Self::BASE }
+    /// The allowance for the geometry of a file that has yet to be read.
+    pub fn of_geometry() -> Self {
+        Self { left: Self::GEOMETRY }
+    }
+
+    /// The allowance for the pixels of images that have yet to be read.
+    pub fn of_pixels() -> Self {
+        Self { left: Self::PIXELS }
     }
 
     /// `read` bytes more have been read.
@@ -46,7 +52,7 @@ mod tests {
 
     #[test]
     fn spending_is_bounded_and_does_not_overflow() {
-        let mut budget = Budget::new();
+        let mut budget = Budget::of_geometry();
         assert!(budget.spend(u64::MAX, u64::MAX, "/x").is_err());
         assert!(budget.spend(1 << 20, 12, "/x").is_ok());
         let mut rest = 0;

@@ -143,9 +143,8 @@ fn buffer<'a>(
 ) -> Parsed<Buffer<'a>> {
     let byte_length = json.need_positive("byteLength")?;
     let path = json.path().to_owned();
-    let too_short = |actual: usize| {
-        json.fault_at("byteLength", format!("{byte_length} bytes are declared, and only {actual} are there"))
-    };
+    let too_short =
+        |actual: usize| json.fault_at("byteLength", format!("{byte_length} bytes are declared, and only {actual} are there"));
     let data = match json.string("uri")? {
         None if meshopt::is_fallback(json)? => Data::Absent("it is a placeholder for compressed data".into()),
         None if index == 0 && container.is_glb => {

@@ -53,7 +53,10 @@ fn perspective(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projec
     check_depths(json, near, positive("zfar")?)?;
     let aspect = positive("aspectRatio")?.map(|a| a as f32);
     if yfov >= PI {
-        warnings.push(format!("{}: the field of view of {yfov} rad is no angle below 180 degrees; the camera is left out", json.path()));
+        warnings.push(format!(
+            "{}: the field of view of {yfov} rad is no angle below 180 degrees; the camera is left out",
+            json.path()
+        ));
         return Ok((None, aspect));
     }
     Ok((Some(Projection::Perspective { yfov: yfov as f32 }), aspect))
@@ -98,11 +101,8 @@ impl CameraKind {
 pub fn default_camera(bounds: &Aabb) -> Camera {
     const YFOV: f32 = 0.7;
     const MARGIN: f32 = 1.05;
-    let (center, half) = if bounds.is_empty() {
-        (Vec3::ZERO, Vec3::ZERO)
-    } else {
-        (bounds.center(), 0.5 * (bounds.max - bounds.min))
-    };
+    let (center, half) =
+        if bounds.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (bounds.center(), 0.5 * (bounds.max - bounds.min)) };
     let back = Vec3::new(0.55, 0.4, 1.0).normalize();
     let right = Vec3::Y.cross(back).normalize();
     let up = back.cross(right);

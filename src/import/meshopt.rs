@@ -196,3 +196,103 @@ fn vertices(source: &[u8], count: usize, stride: usize) -> ::meshopt::Result<Vec
         1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
         33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ::meshopt as codec;
+    use serde_json::{Value, json};
+
+    fn decode(mut extension: Value, source: &[u8]) -> Parsed<Vec<u8>> {
+        extension["buffer"] = json!(0);
+        extension["byteLength"] = json!(source.len());
+        let length = extension["byteStride"].as_u64().unwrap() * extension["count"].as_u64().unwrap();
+        let view = json!({"extensions": {"KHR_meshopt_compression": extension}});
+        let compressed = Compressed::of(&Json::root(&view), 1)?.unwrap();
+        compressed.decode(source, length, &mut Budget::of_geometry())
+    }
+
+    #[test]
+    fn every_mode_returns_what_was_encoded() {
+        let indices: Vec<u32> = (0..300).map(|i| i / 3 + i % 3).collect();
+        let short: Vec<u16> = indices.iter().map(|i| *i as u16).collect();
+        let triangles = codec::encode_index_buffer(&indices, 102).unwrap();
+        let sequence = codec::encode_index_sequence(&indices, 102).unwrap();
+        for (mode, source) in [("TRIANGLES", &triangles), ("INDICES", &sequence)] {
+            let read = |stride: u32| decode(json!({"mode": mode, "byteStride": stride, "count": 300}), source).unwrap();
+            let (wide, narrow) = (read(4), read(2));
+            let wide: Vec<u32> = bytemuck::pod_collect_to_vec(&wide);
+            let narrow: Vec<u16> = bytemuck::pod_collect_to_vec(&narrow);
+            if mode == "INDICES" {
+                assert_eq!((&wide, &narrow), (&indices, &short));
+            }
+            // The encoder of triangles may rotate their corners.
+            let canonical = |t: &[u32]| (0..3).map(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]]).min().unwrap();
+            let sets = [&wide, &indices].map(|all| all.chunks(3).map(canonical).collect::<Vec<_>>());
+            assert_eq!(sets[0], sets[1]);
+            assert!(wide.iter().zip(&narrow).all(|(a, b)| *a == u32::from(*b)));
+        }
+        let vertices: Vec<[f32; 5]> = (0..500).map(|i| [i as f32, 0.5, -(i as f32) / 7.0, 1e9, 0.0]).collect();
+        let source = codec::encode_vertex_buffer(&vertices).unwrap();
+        let bytes = decode(json!({"mode": "ATTRIBUTES", "byteStride": 20, "count": 500}), &source).unwrap();
+        assert_eq!(bytes, bytemuck::cast_slice::<_, u8>(&vertices));
+    }
+
+    #[test]
+    fn every_filter_is_undone() {
+        let attributes = |filter: &str, stride: usize, source: &[u8]| {
+            decode(json!({"mode": "ATTRIBUTES", "filter": filter, "byteStride": stride, "count": 3}), source).unwrap()
+        };
+        let axes = [[1.0f32, 0.0, 0.0, 0.0], [0.0, 0.6, -0.8, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let close = |got: &[f32], wanted: &[f32], tolerance: f32| {
+            assert!(got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < tolerance), "{got:?} and {wanted:?}");
+        };
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_oct::<i8>(&axes, 8)).unwrap();
+        let bytes = attributes("OCTAHEDRAL", 4, &source);
+        let narrow: Vec<f32> = bytes.iter().map(|b| f32::from(*b as i8) / 127.0).collect();
+        close(&narrow, axes.as_flattened(), 0.02);
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_oct::<i16>(&axes, 16)).unwrap();
+        let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("OCTAHEDRAL", 8, &source));
+        close(&words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(), axes.as_flattened(), 1e-3);
+
+        let turns = [[0.0f32, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5], [0.0, 0.6, 0.0, 0.8]];
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_quat(&turns, 14)).unwrap();
+        let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("QUATERNION", 8, &source));
+        close(&words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(), turns.as_flattened(), 1e-3);
+
+        let points = [[1.5f32, -200.0, 0.001], [0.0, 7.0, 1e6], [-1.0, 2.0, 3.0]];
+        let mode = codec::EncodeExpMode::Separate;
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_exp::<3>(&points, 24, mode)).unwrap();
+        let values: Vec<f32> = bytemuck::pod_collect_to_vec(&attributes("EXPONENTIAL", 12, &source));
+        // 24 bits are a mantissa of 23 with its sign.
+        for (got, wanted) in values.iter().zip(points.as_flattened()) {
+            assert!((got - wanted).abs() <= 1e-6 * wanted.abs(), "{got} and {wanted}");
+        }
+
+        let colors = [[1.0f32, 0.0, 0.0, 1.0], [0.2, 0.4, 0.6, 0.8], [1.0, 1.0, 1.0, 0.0]];
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_color::<u8>(&colors, 8)).unwrap();
+        let bytes = attributes("COLOR", 4, &source);
+        close(&bytes.iter().map(|b| f32::from(*b) / 255.0).collect::<Vec<_>>(), colors.as_flattened(), 0.02);
+        let source = codec::encode_vertex_buffer(&codec::encode_filter_color::<u16>(&colors, 16)).unwrap();
+        let words: Vec<u16> = bytemuck::pod_collect_to_vec(&attributes("COLOR", 8, &source));
+        close(&words.iter().map(|w| f32::from(*w) / 65535.0).collect::<Vec<_>>(), colors.as_flattened(), 1e-3);
+    }
+
+    #[test]
+    fn broken_and_exaggerated_data_are_errors() {
+        let source = codec::encode_vertex_buffer(&[[1u32, 2, 3]; 100]).unwrap();
+        let read = |source: &[u8], stride: u64, count: u64| {
+            decode(json!({"mode": "ATTRIBUTES", "byteStride": stride, "count": count}), source)
+        };
+        assert!(read(&source, 12, 100).is_ok());
+        for n in 1..source.len() {
+            assert!(read(&source[..n], 12, 100).is_err(), "{n}");
+        }
+        assert!(read(&source, 12, 1_000_000_000).unwrap_err().what.contains("cannot hold"));
+        assert!(read(&source, 10, 100).is_err() && read(&source, 260, 4).is_err());
+        for (mode, count) in [("TRIANGLES", 3_000_000_000u64), ("INDICES", 1_000_000_000), ("TRIANGLES", 4), ("POINTS", 3)] {
+            assert!(decode(json!({"mode": mode, "byteStride": 4, "count": count}), &source).is_err(), "{mode} {count}");
+        }
+        assert!(decode(json!({"mode": "INDICES", "byteStride": 4, "count": 3, "filter": "COLOR"}), &source).is_err());
+    }
+}

@@ -1,4 +1,46 @@
 //! Scene import: glTF 2.0 (.gltf and .glb) and environment maps.
+//!
+//! # What is read
+//!
+//! Everything of the core specification that a still picture shows, and the extensions KHR_lights_punctual, KHR_materials_clearcoat (without
+//! its normal map), _emissive_strength, _ior, _pbrSpecularGlossiness, _specular, _transmission, _unlit and _volume, KHR_mesh_quantization,
+//! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression (and KHR_meshopt_compression) and EXT_texture_webp. A file that requires
+//! any other extension is refused; where it only uses one, the specification promises a sensible scene without.
+//!
+//! Skinned meshes stand in their rest pose, morph targets have their default weights. Points and lines are left out with a warning, and so
+//! are triangles without area and instances whose transform is singular. Meshes that several nodes show are stored once.
+//!
+//! # How strict it is
+//!
+//! The whole document is checked, also what no scene shows: references, ranges, buffer views, accessors and their numbers, images. What
+//! breaks the specification is an error with its JSON path. Only where files in circulation break it and no harm comes of it is there a warning instead:
+//! normals and quaternions of the wrong length, declared bounds wider than the data, an emissiveFactor above 1, unknown names in enumerations,
+//! references of textures that no material uses. Memory is bounded by the size of the files: an accessor of a billion elements in a file
+//! of a hundred bytes is refused before anything is allocated.
+//!
+//! # Native materials
+//!
+//! The BRDFs of the caching papers take the place of the glTF model where the `extras` of a material say so:
+//!
+//! ```json
+//! {"name": "floor", "extras": {"lumicache": {"brdf": "phong", "kd": [0.2, 0.2, 0.3], "ks": 0.5, "exponent": 50}}}
+//! {"name": "brass", "extras": {"lumicache": {"brdf": "ward", "kd": 0.1, "ks": 0.4, "alpha_x": 0.05, "alpha_y": 0.2}}}
+//! {"name": "paint", "extras": {"lumicache": {"brdf": "lafortune", "kd": 0.3,
+//!                                            "lobes": [{"cx": -0.9, "cy": -0.9, "cz": [0.9, 0.8, 0.7], "exponent": 20}]}}}
+//! ```
+//!
+//! | property | of | meaning | range | default |
+//! |---|---|---|---|---|
+//! | `kd` | all | diffuse albedo | 0 to 1 | 0 |
+//! | `ks` | phong, ward | specular albedo | 0 to 1, `kd + ks` at most 1 | 0 |
+//! | `exponent` | phong | exponent of the lobe | at least 0 | required |
+//! | `alpha_x`, `alpha_y` | ward | roughness along the first and second tangent | above 0, at most 1 | required, `alpha_x` |
+//! | `lobes` | lafortune | one to three lobes | | required |
+//! | `cx`, `cy`, `cz` | a lobe | coefficients of the three axes | | required, `cx`, required |
+//! | `exponent` | a lobe | exponent | at least 0 | required |
+//!
+//! Albedos, coefficients and a lobe's exponent are one number for all channels or three, linear Rec. 709. The first tangent is that of the mesh, along its
+//! first texture coordinate. Unknown properties are errors. [`crate::material::NativeBrdf`] has the formulas.
 
 mod accessor_data;
 mod accessors;
@@ -8,7 +50,7 @@ mod budget;
 mod buffers;
 mod cameras;
 mod container;
-mod decode;
+mod environment;
 mod extensions;
 mod json;
 mod layout;
@@ -17,6 +59,7 @@ mod materials;
 mod meshopt;
 mod native;
 mod nodes;
+mod parse;
 mod primitives;
 mod shading;
 mod skins;
@@ -25,6 +68,7 @@ mod topology;
 mod uri;
 
 pub use cameras::default_camera;
+pub use environment::environment;
 
 use crate::error::{Error, Result};
 use crate::scene::SceneData;
@@ -85,13 +129,14 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
 fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneData> {
     let mut scene = SceneData::default();
     let warnings = &mut scene.warnings;
-    let mut budget = Budget::new();
+    let mut budget = Budget::of_geometry();
     budget.feed(bytes.len() as u64);
     let container = Container::parse(bytes, path, warnings)?;
-    let document = json::parse(container.json())?;
+    let document = parse::parse(container.json())?;
     let root = Json::root(&document);
     asset::check(&root, warnings)?;
     extensions::check(&root)?;
+    nodes::default_scene(&root)?;
 
     let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = Buffers::parse(&root, &container, folder, &mut budget, warnings)?;
@@ -114,14 +159,8 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
     let roots = nodes::scene_roots(&root, &graph, options.scene.as_ref(), warnings)?;
 
     scene.textures = textures.build();
-    let parts = Parts {
-        accessors: &accessors,
-        graph: &graph,
-        meshes: &meshes,
-        skins: &skins,
-        cameras: &cameras,
-        lights: &lights,
-    };
+    let parts =
+        Parts { accessors: &accessors, graph: &graph, meshes: &meshes, skins: &skins, cameras: &cameras, lights: &lights };
     Assembly::new(parts, scene, &mut budget).build(&roots)
 }
 

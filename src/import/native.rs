@@ -47,7 +47,9 @@ pub(super) fn brdf(json: &Json) -> Parsed<NativeBrdf> {
 /// A misspelt property would silently give another material.
 fn reject_unknown(json: &Json, known: &[&str]) -> Parsed<()> {
     match json.object()?.keys().find(|key| *key != "brdf" && !known.contains(&key.as_str())) {
-        Some(key) => Err(json.fault(format!("the property {} is unknown here; known are brdf, {}", quote(key), known.join(", ")))),
+        Some(key) => {
+            Err(json.fault(format!("the property {} is unknown here; known are brdf, {}", quote(key), known.join(", "))))
+        }
         None => Ok(()),
     }
 }
@@ -101,7 +103,8 @@ fn lobe(json: &Json) -> Parsed<LafortuneLobe> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::json::{Fault, parse};
+    use super::super::json::Fault;
+    use super::super::parse::parse;
     use super::*;
 
     fn read(text: &str) -> Parsed<NativeBrdf> {

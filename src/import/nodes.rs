@@ -84,7 +84,10 @@ impl Graph {
             let mut reached = vec![false; nodes.len()];
             order.iter().for_each(|i| reached[*i] = true);
             let lost = reached.iter().position(|r| !r).unwrap_or(0);
-            return Err(Fault::new(format!("/nodes/{lost}"), "it is its own ancestor, or a descendant of such a node: nodes must form trees"));
+            return Err(Fault::new(
+                format!("/nodes/{lost}"),
+                "it is its own ancestor, or a descendant of such a node: nodes must form trees",
+            ));
         }
         Ok(Self { nodes })
     }
@@ -184,6 +187,11 @@ fn unit_quaternion(xyzw: [f64; 4], path: &str, warnings: &mut Vec<String>) -> Pa
     Ok(quaternion.normalize())
 }
 
+/// The scene that the document itself chooses.
+pub(super) fn default_scene(root: &Json) -> Parsed<Option<usize>> {
+    root.index("scene", "scenes", root.array("scenes")?.len())
+}
+
 /// The nodes that the chosen scene shows.
 pub(super) fn scene_roots(
     root: &Json,
@@ -192,14 +200,16 @@ pub(super) fn scene_roots(
     warnings: &mut Vec<String>,
 ) -> Parsed<Vec<usize>> {
     let scenes = root.entities("scenes")?;
-    let default = root.index("scene", "scenes", scenes.len())?;
+    let default = default_scene(root)?;
     let mut lists = Vec::new();
     for scene in &scenes {
         let mut list = Vec::new();
         for node in scene.array("nodes")? {
             let i = node.as_index("nodes", graph.nodes.len())?;
             if !graph.is_root(i) {
-                return Err(node.fault(format!("/nodes/{i} is the child of another node, so it cannot stand in a scene by itself")));
+                return Err(
+                    node.fault(format!("/nodes/{i} is the child of another node, so it cannot stand in a scene by itself"))
+                );
             }
             if list.contains(&i) {
                 return Err(node.fault(format!("/nodes/{i} is listed twice")));

@@ -161,10 +161,7 @@ fn attributes(json: &Json, accessors: &Accessors, base: bool) -> Parsed<Attribut
         position: find("POSITION", &POSITION)?,
         normal: find("NORMAL", pick(&NORMAL, &TARGET_VECTOR))?,
         tangent: find("TANGENT", pick(&TANGENT, &TARGET_VECTOR))?,
-        uv: [
-            find("TEXCOORD_0", pick(&TEXCOORD, &TARGET_TEXCOORD))?,
-            find("TEXCOORD_1", pick(&TEXCOORD, &TARGET_TEXCOORD))?,
-        ],
+        uv: [find("TEXCOORD_0", pick(&TEXCOORD, &TARGET_TEXCOORD))?, find("TEXCOORD_1", pick(&TEXCOORD, &TARGET_TEXCOORD))?],
         color: find("COLOR_0", pick(&COLOR, &TARGET_COLOR))?,
     })
 }
@@ -221,7 +218,8 @@ pub(super) fn build(primitive: &Primitive, weights: &[f32], accessors: &Accessor
         Some(indices) => indexed(*mode, &accessors.list[*indices], position, accessors, budget)?,
         None => {
             budget.spend(position.count, 12, &position.path)?;
-            let count = u32::try_from(position.count).map_err(|_| Fault::new(position.path.as_str(), "it has too many vertices"))?;
+            let count =
+                u32::try_from(position.count).map_err(|_| Fault::new(position.path.as_str(), "it has too many vertices"))?;
             topology::triangulate(*mode, count as usize, |i| i as u32)
         }
     };

@@ -50,7 +50,8 @@ impl Skin {
             None => None,
         };
         let matrix = |(k, joint): (usize, &usize)| {
-            let bind = bind.as_ref().map_or(DAffine3::IDENTITY, |b| DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from))));
+            let bind =
+                bind.as_ref().map_or(DAffine3::IDENTITY, |b| DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from))));
             graph.nodes[*joint].to_world * bind
         };
         Ok(self.joints.iter().enumerate().map(matrix).collect())
@@ -94,8 +95,7 @@ pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: 
         if let Some(normals) = &mut mesh.normals {
             // The cofactor matrix is the inverse transpose but for a factor.
             let n = normals[i].as_dvec3();
-            let moved =
-                blend[1].cross(blend[2]) * n.x + blend[2].cross(blend[0]) * n.y + blend[0].cross(blend[1]) * n.z;
+            let moved = blend[1].cross(blend[2]) * n.x + blend[2].cross(blend[0]) * n.y + blend[0].cross(blend[1]) * n.z;
             normals[i] = moved.normalize_or_zero().as_vec3();
         }
         if let Some(tangents) = &mut mesh.tangents {

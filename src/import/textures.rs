@@ -1,10 +1,10 @@
 //! Images, samplers and textures.
 
 use super::accessors::Accessors;
-use super::decode;
+use super::budget::Budget;
 use super::json::{Fault, Json, Parsed, quote};
 use super::uri::{self, Target};
-use crate::imagefile::{TextureImage, TexturePixels};
+use crate::imagefile::{TextureImage, TexturePixels, ldr};
 use crate::math::Vec2;
 use crate::texture::{ColorSpace, Texture, TextureRef, Wrap};
 use rayon::prelude::*;
@@ -61,6 +61,7 @@ impl Textures {
             .iter()
             .map(|json| Ok((json.path().to_owned(), encoded(json, accessors, folder, warnings)?)))
             .collect::<Parsed<Vec<_>>>()?;
+        check_sizes(&encoded)?;
         let images: Vec<Parsed<Decoded>> = encoded.into_par_iter().map(|(path, encoded)| decode_image(&path, encoded)).collect();
         let images = images.into_iter().collect::<Parsed<Vec<_>>>()?;
         let samplers = root.entities("samplers")?.iter().map(sampler).collect::<Parsed<Vec<_>>>()?;
@@ -194,12 +195,7 @@ fn recognize(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-fn encoded<'a>(
-    json: &Json,
-    accessors: &'a Accessors,
-    folder: &Path,
-    warnings: &mut Vec<String>,
-) -> Parsed<Encoded<'a>> {
+fn encoded<'a>(json: &Json, accessors: &'a Accessors, folder: &Path, warnings: &mut Vec<String>) -> Parsed<Encoded<'a>> {
     let view = json.index("bufferView", "bufferViews", accessors.buffers().views.len())?;
     let mut declared = json.string("mimeType")?.map(str::to_owned);
     let (bytes, file) = match (json.string("uri")?, view) {
@@ -256,14 +252,28 @@ fn encoded<'a>(
     }
 }
 
+/// Refuses images whose pixels would fill the memory, before they are decoded.
+fn check_sizes(images: &[(String, Encoded)]) -> Parsed<()> {
+    let mut budget = Budget::of_pixels();
+    for (path, image) in images {
+        let Encoded::Here(bytes, _) = image else { continue };
+        let reader = image::ImageReader::new(std::io::Cursor::new(bytes.as_ref())).with_guessed_format();
+        // What cannot be read at all is told with its reason where it is decoded.
+        let Some((width, height)) = reader.ok().and_then(|r| r.into_dimensions().ok()) else { continue };
+        budget.feed(bytes.len() as u64);
+        budget.spend(u64::from(width) * u64::from(height), 4, path)?;
+    }
+    Ok(())
+}
+
 fn decode_image(path: &str, encoded: Encoded) -> Parsed<Decoded> {
     match encoded {
         Encoded::Unusable(why) => Ok(Err(why)),
-        Encoded::Here(bytes, file) => match decode::decode(&bytes) {
+        Encoded::Here(bytes, file) => match ldr::decode(&bytes) {
             Ok(image) => Ok(Ok(Arc::new(image))),
             Err(why) => {
-                let name = file.map_or("the image".to_owned(), |f| f);
-                Err(Fault::new(path, format!("{name} cannot be decoded: {why}")))
+                let name = file.map_or(String::new(), |f| format!("{f}: "));
+                Err(Fault::new(path, format!("{name}{}", why.trim().replace('\n', " "))))
             }
         },
     }

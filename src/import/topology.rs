@@ -70,7 +70,14 @@ mod tests {
 
     #[test]
     fn triangles_without_area_go_and_thin_ones_stay() {
-        let p = [Vec3::ZERO, Vec3::X, 2.0 * Vec3::X, Vec3::new(0.5, 1e-6, 0.0), Vec3::new(1e-30, 0.0, 0.0), Vec3::new(0.0, 1e-30, 0.0)];
+        let p = [
+            Vec3::ZERO,
+            Vec3::X,
+            2.0 * Vec3::X,
+            Vec3::new(0.5, 1e-6, 0.0),
+            Vec3::new(1e-30, 0.0, 0.0),
+            Vec3::new(0.0, 1e-30, 0.0),
+        ];
         let mut triangles = vec![[0, 1, 2], [0, 0, 1], [0, 1, 3], [0, 4, 5]];
         assert_eq!(drop_degenerate(&mut triangles, &p), 3);
         assert_eq!(triangles, [[0, 1, 3]]);

@@ -1,0 +1,73 @@
+//! Environment maps.
+
+use crate::error::{Error, Result};
+use crate::imagefile::hdr;
+use crate::light::EnvironmentMap;
+use crate::math::Affine3A;
+use std::path::Path;
+
+/// Reads the equirectangular map at `path` (Radiance .hdr or OpenEXR), turned by `rotate_degrees` about the vertical axis, its radiance
+/// multiplied by `scale`.
+///
+/// Without rotation the middle column of the map is seen along -Z and +X lies to the right of it, as [`EnvironmentMap`] says. A positive
+/// rotation turns the surroundings counter-clockwise as seen from above (+Y); what was seen along -Z is then seen towards -X. Blender and three.js
+/// show the middle column along +X, which is a rotation of -90 degrees.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0; [`Error::Io`], [`Error::Image`] and
+/// [`Error::Unsupported`] naming the file.
+pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<EnvironmentMap> {
+    if !rotate_degrees.is_finite() {
+        return Err(Error::InvalidArgument(format!(
+            "the rotation of the environment is {rotate_degrees}, which is no finite angle"
+        )));
+    }
+    if !scale.is_finite() || scale < 0.0 {
+        return Err(Error::InvalidArgument(format!(
+            "the scale of the environment is {scale}, and must be finite and not negative"
+        )));
+    }
+    let metadata = std::fs::metadata(path).map_err(Error::io(path))?;
+    if !metadata.is_file() {
+        return Err(Error::image(path, "it is not a regular file"));
+    }
+    let image = hdr::read_environment(path)?;
+    Ok(EnvironmentMap {
+        width: image.width,
+        height: image.height,
+        pixels: image.pixels,
+        scale,
+        from_world: Affine3A::from_rotation_y(-rotate_degrees.to_radians()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec3;
+
+    #[test]
+    fn a_positive_rotation_turns_the_surroundings_counter_clockwise() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.hdr");
+        // Two pixels side by side, each mantissas and exponent of 1.0 and 0.5.
+        std::fs::write(&path, b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x80\x80\x80\x80").unwrap();
+        let map = environment(&path, 90.0, 2.0).unwrap();
+        assert_eq!((map.width, map.height, map.scale), (2, 1, 2.0));
+        assert_eq!(map.pixels, [Vec3::ONE, Vec3::splat(0.5)]);
+        let seen = map.from_world.transform_vector3(Vec3::NEG_X);
+        assert!((seen - Vec3::NEG_Z).length() < 1e-6, "{seen}");
+    }
+
+    #[test]
+    fn bad_arguments_and_files_are_errors() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.hdr");
+        std::fs::write(&path, b"no picture").unwrap();
+        assert!(matches!(environment(&path, f32::NAN, 1.0), Err(Error::InvalidArgument(_))));
+        assert!(matches!(environment(&path, 0.0, -1.0), Err(Error::InvalidArgument(_))));
+        assert!(environment(&path, 0.0, 1.0).unwrap_err().to_string().contains("a.hdr"));
+        assert!(matches!(environment(dir.path(), 0.0, 1.0), Err(Error::Image { .. })));
+        assert!(matches!(environment(&dir.path().join("b"), 0.0, 1.0), Err(Error::Io { .. })));
+    }
+}
