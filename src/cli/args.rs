@@ -29,6 +29,11 @@ pub enum Command {
         /// The scene, .gltf or .glb.
         scene: PathBuf,
     },
+    /// Measure speed.
+    Bench {
+        #[command(subcommand)]
+        what: Bench,
+    },
     /// Print a script that completes these commands in a shell.
     Completions {
         /// The shell.
@@ -36,6 +41,24 @@ pub enum Command {
     },
     /// Print the manual page (roff).
     Man,
+}
+
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Both ray tracing back ends on one scene: build time, memory, and rays per second of each kind.
+    Accel(BenchAccel),
+}
+
+#[derive(Args)]
+pub struct BenchAccel {
+    /// The scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+    /// The camera, by name or number.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
 }
 
 #[derive(Args)]
@@ -132,6 +155,9 @@ pub struct Render {
     /// How to read the intensities of point, spot and directional lights.
     #[arg(long, value_enum, default_value = "photometric")]
     pub light_units: LightUnitsName,
+    /// Give rough surfaces back the light that scatters between their microfacets, which glTF's model loses.
+    #[arg(long)]
+    pub multiple_scattering: bool,
     /// Fill the cache and stop.
     #[arg(long)]
     pub prepass_only: bool,

@@ -5,7 +5,7 @@ mod render;
 mod show;
 mod terminal;
 
-use args::{Arguments, Command};
+use args::{Arguments, Bench, Command};
 use clap::{CommandFactory, Parser};
 use lumicache::error::{Error, Result};
 use std::process::ExitCode;
@@ -35,6 +35,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Presets { json } => show::presets(json)?,
         Command::Compare(arguments) => show::compare(&arguments)?,
         Command::Info { scene } => show::info(&scene)?,
+        Command::Bench { what: Bench::Accel(arguments) } => show::bench_accel(&arguments)?,
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "lumicache", &mut script);

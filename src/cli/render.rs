@@ -8,9 +8,13 @@ use lumicache::cache::{Preset, Scheme};
 use lumicache::camera::Camera;
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;
+use lumicache::geometry::Aabb;
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::progress::{Phase, Progress};
-use lumicache::render::{self, Clock, Facts, IntegratorKind, Selection, Settings, display::{Display, Tile}};
+use lumicache::render::{
+    self, Clock, Facts, IntegratorKind, Selection, Settings,
+    display::{Display, Tile},
+};
 use lumicache::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,9 +36,7 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     cancel_on_interrupt(&progress);
     let bar = Bar::new(&progress, arguments.quiet);
     let mut clock = Clock::default();
-    let outcome = pool.install(|| {
-        job(arguments, scheme, &selection, backend, &output, &progress, &mut clock)
-    });
+    let outcome = pool.install(|| job(arguments, scheme, &selection, backend, &output, &progress, &mut clock));
     drop(bar);
     let (frame_cancelled, warnings) = outcome?;
     if !arguments.quiet {
@@ -59,11 +61,14 @@ fn job(
     if let Some(map) = &arguments.env {
         data.environment = Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
     }
+    for material in &mut data.materials {
+        material.multiple_scattering = arguments.multiple_scattering;
+    }
     let scene_hash = data.hash();
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
     let (scene, mut warnings) = Scene::new(data, backend)?;
-    let camera = camera(&scene, arguments.camera.as_deref(), &arguments.scene)?;
+    let camera = camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let settings = settings(arguments, scheme, camera)?;
 
     let mut display = match &arguments.display_server {
@@ -145,9 +150,8 @@ fn scheme(arguments: &Render) -> Result<Scheme> {
         scheme.set("error", &error.to_string())?;
     }
     for setting in &arguments.set {
-        let (key, value) = setting
-            .split_once('=')
-            .ok_or_else(|| Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE")))?;
+        let (key, value) =
+            setting.split_once('=').ok_or_else(|| Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE")))?;
         scheme.set(key.trim(), value.trim())?;
     }
     scheme.check()?;
@@ -155,10 +159,9 @@ fn scheme(arguments: &Render) -> Result<Scheme> {
 }
 
 /// The camera called `wanted`, or with that number; the first without one, and one that frames the scene where the file has none.
-pub fn camera(scene: &Scene, wanted: Option<&str>, file: &Path) -> Result<Camera> {
-    let cameras = scene.cameras();
+pub fn camera(cameras: &[Camera], bounds: &Aabb, wanted: Option<&str>, file: &Path) -> Result<Camera> {
     let Some(wanted) = wanted else {
-        return Ok(cameras.first().cloned().unwrap_or_else(|| import::default_camera(&scene.bounds())));
+        return Ok(cameras.first().cloned().unwrap_or_else(|| import::default_camera(bounds)));
     };
     let by_name = cameras.iter().find(|c| c.name == wanted);
     let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
@@ -206,9 +209,9 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
         let (w, h) = text.split_once(['x', 'X'])?;
         Some([w.parse().ok()?, h.parse().ok()?])
     };
-    parse().filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0)).ok_or_else(|| {
-        Error::InvalidArgument(format!("--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480"))
-    })
+    parse()
+        .filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0))
+        .ok_or_else(|| Error::InvalidArgument(format!("--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480")))
 }
 
 fn parse_window(text: &str) -> Result<[u32; 4]> {

@@ -1,10 +1,14 @@
 //! The subcommands that print.
 
-use super::args::Compare;
+use super::args::{BenchAccel, Compare};
+use super::render::camera;
+use lumicache::accel::Ray;
+use lumicache::bench::accel as bench;
 use lumicache::cache::PRESETS;
 use lumicache::compare::{self, Options};
 use lumicache::error::{Error, Result};
 use lumicache::import::{self, ImportOptions};
+use lumicache::math::Vec2;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
@@ -41,9 +45,8 @@ pub fn presets(as_json: bool) -> Result<()> {
     let text_of = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let fields: Vec<&String> = rows[0].3.as_object().into_iter().flat_map(|o| o.keys()).collect();
     let cells = |name: &str| rows.iter().map(|r| text_of(&r.3[name])).collect::<Vec<_>>();
-    let widths: Vec<usize> = (0..rows.len())
-        .map(|k| fields.iter().map(|f| cells(f)[k].len()).max().unwrap_or(0).max(rows[k].0.len()) + 2)
-        .collect();
+    let widths: Vec<usize> =
+        (0..rows.len()).map(|k| fields.iter().map(|f| cells(f)[k].len()).max().unwrap_or(0).max(rows[k].0.len()) + 2).collect();
     let row = |first: &str, cells: &[String]| {
         let cells: String = cells.iter().zip(&widths).map(|(c, w)| format!("{c:<w$}")).collect();
         format!("{first:<24}{}\n", cells.trim_end())
@@ -93,4 +96,24 @@ pub fn info(path: &Path) -> Result<()> {
         text += &format!("  warning     {warning}\n");
     }
     print(text.as_bytes())
+}
+
+pub fn bench_accel(arguments: &BenchAccel) -> Result<()> {
+    let data = import::gltf(&arguments.scene, &ImportOptions::default())?;
+    let camera = camera(&data.cameras, &data.geometry.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
+    let mut camera_rays = |count: usize| {
+        let side = (count as f64).sqrt() as u32;
+        let pixels = (0..side * side).map(|k| Vec2::new((k % side) as f32 + 0.5, (k / side) as f32 + 0.5));
+        pixels
+            .map(|raster| {
+                let ray = camera.ray(raster, [side, side]);
+                Ray { origin: ray.origin, tmin: 0.0, dir: ray.dir, tmax: f32::INFINITY }
+            })
+            .collect()
+    };
+    let report = bench::run(&data.geometry, &mut camera_rays, bench::Options::default())?;
+    if arguments.json {
+        return print_line(&serde_json::to_string_pretty(&report).map_err(|e| Error::Device(e.to_string()))?);
+    }
+    print(report.table().as_bytes())
 }

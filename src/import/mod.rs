@@ -163,6 +163,3 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
         Parts { accessors: &accessors, graph: &graph, meshes: &meshes, skins: &skins, cameras: &cameras, lights: &lights };
     Assembly::new(parts, scene, &mut budget).build(&roots)
 }
-
-/// TEMP
-pub fn environment(_: &Path, _: f32, _: f32) -> Result<crate::light::EnvironmentMap> { Err(crate::error::Error::Cancelled) }

@@ -214,14 +214,7 @@ impl PathTracer<'_> {
                 if radiance == Color::ZERO {
                     return radiance;
                 }
-                let other = lights.pdf_triangle(
-                    origin.position,
-                    origin.facing,
-                    at.instance,
-                    at.triangle,
-                    ray.dir,
-                    distance,
-                );
+                let other = lights.pdf_triangle(origin.position, origin.facing, at.instance, at.triangle, ray.dir, distance);
                 radiance * power_heuristic(pdf, other)
             }
         }
@@ -233,9 +226,7 @@ impl PathTracer<'_> {
         let askable = deeper.filter(|_| bounces < self.max_bounces && v.bsdf.has_diffuse());
         let irradiance = askable.and_then(|d| d.irradiance(level, &v.point));
         let sampled = if irradiance.is_some() { Sampled::Glossy } else { Sampled::Everything };
-        let cached = irradiance.map_or(Color::ZERO, |e| {
-            v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI
-        });
+        let cached = irradiance.map_or(Color::ZERO, |e| v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI);
         let light = self.light(v, sampler, sampled);
         let next = self.scatter(v, sampler, sampled);
         Step { cached, light, next }

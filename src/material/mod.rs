@@ -170,7 +170,7 @@ impl Default for Material {
             clearcoat_roughness_texture: None,
             unlit: false,
             native: None,
-            multiple_scattering: true,
+            multiple_scattering: false,
         }
     }
 }

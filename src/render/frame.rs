@@ -89,13 +89,7 @@ fn check(settings: &Settings) -> Result<()> {
 }
 
 /// Fills all levels, deepest first. Returns for each pixel of the window how many records existed when it was visited.
-fn fill(
-    tracer: PathTracer,
-    settings: &Settings,
-    cache: &mut Cache,
-    frame: &mut Frame,
-    progress: &Progress,
-) -> Result<Vec<u32>> {
+fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut Frame, progress: &Progress) -> Result<Vec<u32>> {
     let probe = SceneProbe::new(tracer);
     let order = pixel_order(settings);
     let visible: Vec<(u32, SurfacePoint)> = order

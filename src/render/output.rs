@@ -67,8 +67,7 @@ fn layers(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fac
         attributes.push(("cancelled".into(), Attribute::Int(1)));
     }
     let [x0, y0, _, _] = film.window;
-    let crop = (film.window_size() != film.size)
-        .then_some(Crop { origin: [x0 as i32, y0 as i32], whole: film.size });
+    let crop = (film.window_size() != film.size).then_some(Crop { origin: [x0 as i32, y0 as i32], whole: film.size });
     Layers { width, height, channels, attributes, crop }
 }
 
@@ -81,7 +80,9 @@ pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
     let aspect = size[0] as f32 / size[1] as f32;
     let projection = match camera.projection {
         Projection::Perspective { yfov } => glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5),
-        Projection::Orthographic { xmag, ymag } => glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5),
+        Projection::Orthographic { xmag, ymag } => {
+            glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5)
+        }
     };
     projection * world_to_camera(camera)
 }

@@ -15,7 +15,8 @@ pub struct Drawn {
 }
 
 /// Colours of the levels: yellow, cyan, magenta, then green for all deeper ones.
-const COLORS: [Color; 4] = [Color::new(1.0, 0.8, 0.0), Color::new(0.0, 0.9, 1.0), Color::new(1.0, 0.1, 0.8), Color::new(0.2, 1.0, 0.2)];
+const COLORS: [Color; 4] =
+    [Color::new(1.0, 0.8, 0.0), Color::new(0.0, 0.9, 1.0), Color::new(1.0, 0.1, 0.8), Color::new(0.2, 1.0, 0.2)];
 /// Points of an outline.
 const OUTLINE: usize = 64;
 

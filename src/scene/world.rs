@@ -52,8 +52,7 @@ impl Scene {
         let lights = Lights::build(&geometry, emitters, punctual, environment, bounds);
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
-        let scene =
-            Self { geometry, materials, textures, cameras, lights, accel, bounds, see_through, any_see_through };
+        let scene = Self { geometry, materials, textures, cameras, lights, accel, bounds, see_through, any_see_through };
         Ok((scene, warnings))
     }
 
