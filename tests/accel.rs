@@ -105,10 +105,10 @@ fn soup(triangles: usize) -> Geometry {
 /// 300 turned, stretched and partly mirrored spheres that share their triangles, over a floor.
 fn field() -> Geometry {
     let mut random = Random(2);
-    let floor = mesh([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, z]| Vec3::new(x, -1.0, z)).to_vec(), vec![
-        [0, 2, 1],
-        [0, 3, 2],
-    ]);
+    let floor = mesh(
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, z]| Vec3::new(x, -1.0, z)).to_vec(),
+        vec![[0, 2, 1], [0, 3, 2]],
+    );
     let mut instances = vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }];
     for i in 0..300 {
         let turn = Mat3::from_axis_angle(random.direction(), 6.0 * random.unit());
@@ -272,9 +272,13 @@ fn hits_name_the_point_by_instance_triangle_and_weights() {
                 let mesh = &geometry.meshes[instance.mesh as usize];
                 let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.positions[i as usize]);
                 let point = instance.to_world.transform_point3(a + hit.u * (b - a) + hit.v * (c - a));
-                assert!((0.0..=1.0).contains(&hit.u) && (0.0..=1.0).contains(&hit.v) && hit.u + hit.v < 1.0 + 1e-5, "{name}: {hit:?}");
+                assert!(
+                    (0.0..=1.0).contains(&hit.u) && (0.0..=1.0).contains(&hit.v) && hit.u + hit.v < 1.0 + 1e-5,
+                    "{name}: {hit:?}"
+                );
                 // A grazing ray magnifies rounding errors by the inverse of the cosine.
-                let normal = instance.to_world.transform_vector3(b - a).cross(instance.to_world.transform_vector3(c - a)).normalize();
+                let normal =
+                    instance.to_world.transform_vector3(b - a).cross(instance.to_world.transform_vector3(c - a)).normalize();
                 let error = (point - ray.at(hit.t)).length() * normal.dot(ray.dir.normalize()).abs();
                 worst = worst.max(error);
             }
@@ -302,7 +306,8 @@ fn packets_find_what_single_rays_find() {
                     let alone = accel.intersect(ray);
                     unequal += usize::from(alone != *hit);
                     disagree += usize::from(
-                        alone.is_hit() != hit.is_hit() || (alone.t != hit.t && (alone.t - hit.t).abs() > 1e-4 * alone.t.max(hit.t)),
+                        alone.is_hit() != hit.is_hit()
+                            || (alone.t != hit.t && (alone.t - hit.t).abs() > 1e-4 * alone.t.max(hit.t)),
                     );
                     disagree += usize::from(*blocked != alone.is_hit());
                 }
@@ -404,11 +409,14 @@ fn degenerate_input_is_survived() {
         mesh(std::iter::once(Vec3::ZERO).chain(tips).collect(), (1..1000).map(|i| [0, i, i + 1]).collect())
     };
     let flat = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 1.0, 1e-20)) };
-    let huge = |size: f32| once(mesh((0..4).map(|i| size * Vec3::new(i as f32, 1.0, (i * i) as f32)).collect(), vec![[0, 1, 2], [1, 2, 3]]));
+    let huge = |size: f32| {
+        once(mesh((0..4).map(|i| size * Vec3::new(i as f32, 1.0, (i * i) as f32)).collect(), vec![[0, 1, 2], [1, 2, 3]]))
+    };
     let singular = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0)) };
     let far = Instance { mesh: 0, to_world: Affine3A::from_translation(Vec3::splat(1e30)) };
     let odd_instances = geometry(vec![copies.clone()], vec![flat.clone(), flat, singular, far]);
-    let not_numbers = once(mesh(vec![Vec3::NAN, Vec3::X, Vec3::INFINITY, Vec3::Y, Vec3::Z], vec![[0, 1, 2], [1, 2, 3], [0, 3, 4]]));
+    let not_numbers =
+        once(mesh(vec![Vec3::NAN, Vec3::X, Vec3::INFINITY, Vec3::Y, Vec3::Z], vec![[0, 1, 2], [1, 2, 3], [0, 3, 4]]));
     for geometry in [once(copies), once(needles), odd_instances, huge(1e10), huge(1e17), huge(1e30), not_numbers] {
         for backend in backends() {
             let accel = build(&geometry, backend);

@@ -203,7 +203,13 @@ fn partition_by_area(items: &mut [Item]) -> Option<usize> {
 fn partition_by_count(items: &mut [Item]) -> usize {
     let bounds = items.iter().fold(Aabb::INVALID, |all, item| all.union(&item.bounds));
     let size = bounds.max - bounds.min;
-    let axis = if size.x >= size.y.max(size.z) { 0 } else if size.y >= size.z { 1 } else { 2 };
+    let axis = if size.x >= size.y.max(size.z) {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
     let middle = items.len() / 2;
     items.select_nth_unstable_by(middle, |a, b| a.center()[axis].total_cmp(&b.center()[axis]).then(a.index.cmp(&b.index)));
     middle
@@ -220,7 +226,8 @@ mod tests {
     #[test]
     fn every_box_is_in_one_leaf() {
         for count in [1, 2, 3, 4, 9, 100, 20_000] {
-            let spread = boxes(count, |i| (Vec3A::new(i as f32 % 7.0, (i as f32).sqrt(), (i as f32).sin()), Vec3A::splat(i as f32 % 3.0)));
+            let spread =
+                boxes(count, |i| (Vec3A::new(i as f32 % 7.0, (i as f32).sqrt(), (i as f32).sin()), Vec3A::splat(i as f32 % 3.0)));
             let same = boxes(count, |_| (Vec3A::ZERO, Vec3A::ONE));
             let nested = boxes(count, |i| (Vec3A::ZERO, Vec3A::new(1.0, 1.0, i as f32)));
             let growing = boxes(count, |i| (Vec3A::ZERO, Vec3A::splat(1.5_f32.powi(i as i32 % 80))));

@@ -134,11 +134,8 @@ impl Bvh {
                     *mesh_slot[instance.mesh as usize].insert(meshes.len() as u32 - 1)
                 }
             };
-            let bounds = mesh
-                .indices
-                .iter()
-                .flatten()
-                .fold(crate::geometry::Aabb::EMPTY, |b, &v| b.with(mesh.positions[v as usize]));
+            let bounds =
+                mesh.indices.iter().flatten().fold(crate::geometry::Aabb::EMPTY, |b, &v| b.with(mesh.positions[v as usize]));
             let bounds = world_bounds(&bounds, &instance.to_world);
             if bounds.min.abs().max(bounds.max.abs()).cmple(Vec3A::splat(LIMIT)).all() {
                 placed.push(Placed { instance: i as u32, mesh: slot, to_object });

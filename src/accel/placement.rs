@@ -41,7 +41,8 @@ impl Placement {
 fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
     let map = to_world.as_daffine3().inverse();
     let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
-    let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST) && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
+    let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST)
+        && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
     (map.is_finite() && in_range).then_some(map)
 }
 

@@ -133,8 +133,11 @@ impl Workload {
         // A stride that shares no factor with the count visits every start once, in an order without coherence.
         let count = starts.len();
         let stride = (count * 618 / 1000..).find(|&s| gcd(s, count) == 1).unwrap_or(1);
-        let bounce =
-            (0..count).map(|i| starts[i * stride % count]).enumerate().map(|(i, (o, n))| Ray::new(o, cosine_direction(n, point(i)))).collect();
+        let bounce = (0..count)
+            .map(|i| starts[i * stride % count])
+            .enumerate()
+            .map(|(i, (o, n))| Ray::new(o, cosine_direction(n, point(i))))
+            .collect();
         let bounds = geometry.bounds();
         let occlusion = starts
             .iter()
@@ -175,7 +178,8 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
     let mut build = vec![f64::INFINITY; tracers.len()];
     let mut trace = vec![[f64::INFINITY; 4]; tracers.len()];
     let (mut bundled, mut bare) = (f64::INFINITY, None);
-    let longest = [&workload.camera, &workload.bundle, &workload.bounce, &workload.occlusion].map(Vec::len).into_iter().max().unwrap_or(0);
+    let longest =
+        [&workload.camera, &workload.bundle, &workload.bounce, &workload.occlusion].map(Vec::len).into_iter().max().unwrap_or(0);
     let mut hits = vec![Hit::MISS; longest];
     let mut blocked = vec![false; longest];
     for _ in 0..options.repetitions {
@@ -225,7 +229,12 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
             },
         })
         .collect();
-    Ok(AccelReport { triangles: geometry.triangle_count(), rays, backends, relative_to_bare_embree: bare.map(|bare| bare / bundled) })
+    Ok(AccelReport {
+        triangles: geometry.triangle_count(),
+        rays,
+        backends,
+        relative_to_bare_embree: bare.map(|bare| bare / bundled),
+    })
 }
 
 impl AccelReport {
