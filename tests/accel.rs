@@ -1,6 +1,7 @@
 //! Both back ends against each other and against what a tracer must hold: no leaks, equal bits, whole intervals.
 
 use lumicache::accel::{Accel, Backend, Coherence, Hit, Ray};
+use lumicache::ffi::mxcsr::FlushDenormals;
 use lumicache::geometry::{Geometry, Instance, TriangleMesh};
 use lumicache::math::{Affine3A, Mat3, Vec3};
 use std::sync::Arc;
@@ -204,9 +205,17 @@ fn no_ray_leaves_a_closed_mesh() {
                     _ => random.direction(),
                 };
                 let ray = Ray::new(if i % 8 == 2 { Vec3::ZERO } else { origin }, dir);
-                leaks[i % 4] += usize::from(!accel.intersect(&ray).is_hit()) + usize::from(!accel.occluded(&ray));
+                let hit = accel.intersect(&ray).is_hit();
+                assert_eq!(hit, accel.occluded(&ray), "{backend}: {ray:?}");
+                leaks[i % 4] += usize::from(!hit);
             }
-            eprintln!("{backend}, {rings} x {sectors}: {leaks:?}");
+            // Embree's robust mode compares single precision values, which near a vertex of small triangles are all rounding error.
+            let allowed = if backend == Backend::Embree { [1_500, 0, 0, 0] } else { [0; 4] };
+            eprintln!("{backend}, {rings} x {sectors}: {leaks:?} of 75000 each");
+            assert!(
+                leaks.iter().zip(allowed).all(|(leaks, allowed)| *leaks <= allowed),
+                "{backend}, {rings} x {sectors}: {leaks:?}"
+            );
         }
     }
 }
@@ -440,6 +449,34 @@ fn indices_that_name_nothing_are_refused() {
         assert!(text(&beyond).contains("triangle 1 refers to a vertex beyond its 3"), "{}", text(&beyond));
         assert!(text(&no_mesh).contains("instance 0 refers to mesh 0"), "{}", text(&no_mesh));
     }
+}
+
+#[test]
+fn building_and_tracing_leave_the_thread_s_floating_point_mode() {
+    let half_of_the_least_normal = || std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5);
+    let geometry = soup(20_000);
+    for backend in backends() {
+        let trace = || {
+            let accel = build(&geometry, backend);
+            let rays = random_rays(1_000, 13);
+            accel.intersect_many(&rays, Coherence::Bundle, &mut vec![Hit::MISS; rays.len()]);
+        };
+        trace();
+        assert!(half_of_the_least_normal() > 0.0, "{backend}");
+        let guard = FlushDenormals::new();
+        trace();
+        let flushed = half_of_the_least_normal();
+        drop(guard);
+        assert!(flushed == 0.0 || cfg!(not(target_arch = "x86_64")), "{backend}");
+        // Threads that Rust's pool or TBB own are not ours to look at; this one is.
+        assert!(half_of_the_least_normal() > 0.0, "{backend}");
+    }
+}
+
+#[test]
+fn a_tracer_is_shared_by_threads() {
+    fn shared<T: Send + Sync>() {}
+    shared::<Accel>();
 }
 
 #[test]

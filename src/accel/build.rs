@@ -220,7 +220,7 @@ mod tests {
     use super::*;
 
     fn boxes(count: usize, at: impl Fn(usize) -> (Vec3A, Vec3A)) -> Vec<Aabb> {
-        (0..count).map(|i| at(i)).map(|(a, b)| Aabb::new(a.min(b), a.max(b))).collect()
+        (0..count).map(at).map(|(a, b)| Aabb::new(a.min(b), a.max(b))).collect()
     }
 
     #[test]

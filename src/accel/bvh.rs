@@ -159,7 +159,7 @@ impl Bvh {
         if !self.instances.is_empty() {
             traverse::traverse(&self.instances, &Walker::new(ray.origin, ray.dir, ray.tmin), &mut tmax, |i, tmax| {
                 let placed = &self.placed[i as usize];
-                let (origin, dir) = placed.to_local(ray);
+                let (origin, dir) = placed.object_ray(ray);
                 self.meshes[placed.mesh as usize].intersect(origin, dir, ray.tmin, tmax, Some(placed.instance), &mut hit);
                 false
             });
@@ -180,7 +180,7 @@ impl Bvh {
         if !self.instances.is_empty() {
             traverse::traverse(&self.instances, &Walker::new(ray.origin, ray.dir, ray.tmin), &mut tmax, |i, tmax| {
                 let placed = &self.placed[i as usize];
-                let (origin, dir) = placed.to_local(ray);
+                let (origin, dir) = placed.object_ray(ray);
                 blocked = self.meshes[placed.mesh as usize].occluded(origin, dir, ray.tmin, *tmax);
                 blocked
             });
@@ -212,7 +212,7 @@ impl Bvh {
 impl Placed {
     /// Origin and direction of `ray` in the mesh's space; distances stay what they are.
     #[inline]
-    fn to_local(&self, ray: &Ray) -> (Vec3, Vec3) {
+    fn object_ray(&self, ray: &Ray) -> (Vec3, Vec3) {
         // In single precision an origin far from a small instance would lose its last digits.
         let origin = self.to_object.transform_point3(ray.origin.as_dvec3());
         let dir = self.to_object.transform_vector3(ray.dir.as_dvec3());

@@ -73,8 +73,8 @@ pub enum Coherence {
 
 /// A scene's triangles, ready for rays from any number of threads.
 ///
-/// Equal input gives equal bits: a hit depends on the geometry, the ray, and for [`Accel::intersect_many`] on the 16 rays of its packet, never on
-/// threads. Where two triangles are hit at exactly the same distance, the BVH returns the lower (instance, triangle); Embree returns
+/// Equal input gives equal bits: a hit depends on the geometry, the ray, and for [`Accel::intersect_many`] on the rays of its packet, never on
+/// threads. (Embree's last bits also depend on the CPU's generation: with and without AVX2 and AVX-512 it runs different code.) Where two triangles are hit at exactly the same distance, the BVH returns the lower (instance, triangle); Embree returns
 /// the one that its traversal meets first.
 pub struct Accel {
     tracer: Tracer,
@@ -141,7 +141,8 @@ impl Accel {
 
     /// The closest hits of many rays; rays that follow one another should be alike. Both slices must have the same length.
     ///
-    /// Embree traces consecutive slices of 16 as a packet, whose hits may differ from [`Accel::intersect`]'s in the last bits and on exact ties.
+    /// Embree traces consecutive slices of 16 (of 8 on a CPU without AVX-512) as a packet, the last one partly filled. Such hits may differ from
+    /// [`Accel::intersect`]'s in the last bits and on exact ties; with [`Coherence::Bundle`] no test has shown a difference.
     pub fn intersect_many(&self, rays: &[Ray], coherence: Coherence, hits: &mut [Hit]) {
         debug_assert_eq!(rays.len(), hits.len());
         trace!(self, tracer => tracer.intersect_packets(rays, coherence == Coherence::Camera, hits));
@@ -157,7 +158,7 @@ impl Accel {
     pub(crate) fn lay_out_packets(&self, rays: &[Ray]) -> Option<Packets> {
         match &self.tracer {
             #[cfg(feature = "embree")]
-            Tracer::Embree(_) => Some(Packets(crate::ffi::embree::Packets::new(rays))),
+            Tracer::Embree(scene) => Some(Packets(scene.lay_out_packets(rays))),
             Tracer::Bvh(_) => None,
         }
     }

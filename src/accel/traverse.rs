@@ -50,7 +50,7 @@ pub struct Walker {
     /// For each axis, where [`Node::planes`] has the planes that the ray meets first.
     near: [usize; 3],
     tmin: f32,
-    /// The order of children: number `i` is visited in the order of `i ^ octant`, highest first. [Ylitie17, Sec. 3.1]
+    /// The order of children: number `i` is visited in the order of `i ^ octant`, highest first. [Ylitie17]
     octant: u32,
 }
 

@@ -240,7 +240,8 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
 impl AccelReport {
     /// The report as a text table: one column for each back end and, if there are two, the first divided by the second.
     pub fn table(&self) -> String {
-        let rows: [(&str, fn(&BackendReport) -> f64); 6] = [
+        type Row = (&'static str, fn(&BackendReport) -> f64);
+        let rows: [Row; 6] = [
             ("build, seconds", |b| b.build_seconds),
             ("memory, MB", |b| 1e-6 * b.memory_bytes as f64),
             ("camera, Mrays/s", |b| b.mrays_per_second.camera),
@@ -369,7 +370,7 @@ mod tests {
     #[test]
     #[ignore = "a measurement of 20 s: run it alone with --nocapture"]
     fn measure_300_thousand_triangles() {
-        for (name, geometry) in [("one level", hall(128, 4, false))] {
+        for (name, geometry) in [("one level", hall(128, 4, false)), ("instances", hall(128, 300, true))] {
             println!("{name}\n{}", run(&geometry, &mut camera, Options::default()).unwrap().table());
         }
     }

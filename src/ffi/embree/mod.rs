@@ -1,13 +1,16 @@
-//! Embree 3 or 4: devices, scenes, and rays against them. Every call of an `rtc*` function is in this file.
+//! Embree 3 or 4: devices and scenes here, rays in [`trace`]. Every call of an `rtc*` function is in this module.
 //!
-//! The two major versions differ, for us, in how options reach the ray functions ([`query`] hides it) and in the size of the hit
-//! structures (bindgen reads it from the header that the build found).
+//! The two major versions differ, for us, in how options reach the ray functions, which [`trace`] hides, and in the size of the hit structures,
+//! which bindgen reads from the header that the build found.
 
 use crate::error::{Error, Result};
-use crate::ffi::ray::{Hit, Ray};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+
+mod trace;
+
+pub use trace::Packets;
 
 #[allow(
     non_camel_case_types,
@@ -20,21 +23,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 )]
 mod raw {
     include!(concat!(env!("OUT_DIR"), "/embree.rs"));
-}
-
-/// `RTC_INVALID_GEOMETRY_ID`, a cast that bindgen skips.
-const INVALID_ID: u32 = u32::MAX;
-
-/// Rays in one packet.
-pub const PACKET: usize = 16;
-
-/// How much time a build may take for faster rays.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BuildQuality {
-    /// Binned surface area heuristic.
-    Medium,
-    /// The same with spatial splits.
-    High,
 }
 
 /// An Embree device: the owner of error and memory reports, shared by its scenes.
@@ -70,12 +58,16 @@ unsafe extern "C" fn on_error(report: *mut c_void, code: raw::RTCError, text: *c
     report.first_error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert((code, text));
 }
 
-unsafe extern "C" fn on_memory(report: *mut c_void, bytes: isize, _post: bool) -> bool {
+unsafe extern "C" fn on_memory(report: *mut c_void, bytes: isize, allocated: bool) -> bool {
     // SAFETY: `report` is the address of the device's boxed `Report`, which outlives the device.
     let report = unsafe { &*report.cast::<Report>() };
     let total = report.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes;
     let limit = report.limit.load(Ordering::Relaxed);
-    bytes <= 0 || limit == 0 || total <= limit
+    let refused = bytes > 0 && !allocated && limit > 0 && total > limit;
+    if refused {
+        report.bytes.fetch_sub(bytes, Ordering::Relaxed);
+    }
+    !refused
 }
 
 fn describe(code: raw::RTCError) -> &'static str {
@@ -185,6 +177,8 @@ pub struct SceneBuilder(Scene);
 /// A committed scene.
 pub struct Scene {
     handle: raw::RTCScene,
+    /// Rays in a packet of this CPU: 16 with AVX-512, else 8.
+    width: usize,
     /// Scenes that instances in this one refer to.
     instanced: Vec<Arc<Scene>>,
     device: Arc<Device>,
@@ -202,6 +196,13 @@ impl Drop for Scene {
     }
 }
 
+impl Scene {
+    /// The device that the scene belongs to.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+}
+
 /// A geometry between its creation and the moment when its scene holds it.
 struct GeometryHandle(raw::RTCGeometry);
 
@@ -213,27 +214,24 @@ impl Drop for GeometryHandle {
 }
 
 impl SceneBuilder {
-    /// An empty scene with watertight intersection.
+    /// An empty scene with watertight intersection (Embree's robust mode). The build quality is medium: in robust mode, high makes the same hierarchy.
     ///
     /// # Errors
     /// `Error::Device`, when memory runs out.
-    pub fn new(device: &Arc<Device>, quality: BuildQuality) -> Result<Self> {
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
         // SAFETY: the device is valid.
         let handle = unsafe { raw::rtcNewScene(device.handle) };
         if handle.is_null() {
             device.check("making a scene")?;
             return Err(Error::Device("Embree made no scene".into()));
         }
-        let quality = match quality {
-            BuildQuality::Medium => raw::RTC_BUILD_QUALITY_MEDIUM,
-            BuildQuality::High => raw::RTC_BUILD_QUALITY_HIGH,
-        };
         // SAFETY: the scene is valid and not yet committed.
         unsafe {
             raw::rtcSetSceneFlags(handle, raw::RTC_SCENE_FLAG_ROBUST);
-            raw::rtcSetSceneBuildQuality(handle, quality);
+            raw::rtcSetSceneBuildQuality(handle, raw::RTC_BUILD_QUALITY_MEDIUM);
         }
-        Ok(Self(Scene { handle, instanced: Vec::new(), device: device.clone() }))
+        let width = if device.property(raw::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) == 1 { 16 } else { 8 };
+        Ok(Self(Scene { handle, width, instanced: Vec::new(), device: device.clone() }))
     }
 
     fn new_geometry(&self, kind: raw::RTCGeometryType) -> Result<GeometryHandle> {
@@ -316,7 +314,7 @@ impl SceneBuilder {
         self.attach(&geometry, id)
     }
 
-    /// Builds the hierarchy.
+    /// Builds the hierarchy, with TBB's threads.
     ///
     /// # Errors
     /// `Error::Device` when memory runs out.
@@ -328,236 +326,115 @@ impl SceneBuilder {
     }
 }
 
-/// How options reach the ray functions: the one place where Embree 3 and 4 differ.
-mod query {
-    use super::raw;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ffi::ray::{Hit, Ray};
+    use crate::math::Vec3;
 
-    #[cfg(not(embree4))]
-    mod version {
-        use super::super::INVALID_ID;
-        use super::raw;
-
-        /// Embree 3 passes options in a context, which it also writes to: one per call.
-        fn context(coherent: bool) -> raw::RTCIntersectContext {
-            raw::RTCIntersectContext {
-                flags: if coherent {
-                    raw::RTC_INTERSECT_CONTEXT_FLAG_COHERENT
-                } else {
-                    raw::RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT
-                },
-                filter: None,
-                instID: [INVALID_ID],
-            }
-        }
-
-        pub unsafe fn intersect1(scene: raw::RTCScene, ray: &mut raw::RTCRayHit) {
-            // SAFETY: the caller passes a committed scene and an initialised ray.
-            unsafe { raw::rtcIntersect1(scene, &mut context(false), ray) }
-        }
-
-        pub unsafe fn occluded1(scene: raw::RTCScene, ray: &mut raw::RTCRay) {
-            // SAFETY: the caller passes a committed scene and an initialised ray.
-            unsafe { raw::rtcOccluded1(scene, &mut context(false), ray) }
-        }
-
-        pub unsafe fn intersect16(valid: &super::Valid, scene: raw::RTCScene, rays: &mut raw::RTCRayHit16, coherent: bool) {
-            // SAFETY: the caller passes a committed scene and rays initialised where `valid`, which is aligned to 64 bytes.
-            unsafe { raw::rtcIntersect16(valid.0.as_ptr(), scene, &mut context(coherent), rays) }
-        }
-
-        pub unsafe fn occluded16(valid: &super::Valid, scene: raw::RTCScene, rays: &mut raw::RTCRay16) {
-            // SAFETY: the caller passes a committed scene and rays initialised where `valid`, which is aligned to 64 bytes.
-            unsafe { raw::rtcOccluded16(valid.0.as_ptr(), scene, &mut context(false), rays) }
-        }
+    /// A scene of one square of `n` x `n` pairs of triangles in the plane z = 0.
+    fn square(device: &Arc<Device>, n: u32) -> Result<Scene> {
+        let mut scene = SceneBuilder::new(device)?;
+        let at = |i: u32| i as f32 / n as f32;
+        let positions = (0..(n + 1) * (n + 1)).map(|i| [at(i % (n + 1)), at(i / (n + 1)), 0.0]);
+        let corners = (0..n * n).map(|i| i / n * (n + 1) + i % n);
+        let indices: Vec<_> = corners.flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]).collect();
+        scene.add_triangles(7, positions.collect::<Vec<_>>().into_iter(), &indices)?;
+        scene.commit()
     }
 
-    #[cfg(embree4)]
-    mod version {
-        use super::raw;
-
-        /// The only kinds of geometry in our scenes.
-        const FEATURES: raw::RTCFeatureFlags = raw::RTC_FEATURE_FLAG_TRIANGLE | raw::RTC_FEATURE_FLAG_INSTANCE;
-
-        fn intersect_arguments(coherent: bool) -> raw::RTCIntersectArguments {
-            raw::RTCIntersectArguments {
-                flags: if coherent { raw::RTC_RAY_QUERY_FLAG_COHERENT } else { raw::RTC_RAY_QUERY_FLAG_INCOHERENT },
-                feature_mask: FEATURES,
-                context: std::ptr::null_mut(),
-                filter: None,
-                intersect: None,
-            }
-        }
-
-        fn occluded_arguments() -> raw::RTCOccludedArguments {
-            raw::RTCOccludedArguments {
-                flags: raw::RTC_RAY_QUERY_FLAG_INCOHERENT,
-                feature_mask: FEATURES,
-                context: std::ptr::null_mut(),
-                filter: None,
-                occluded: None,
-            }
-        }
-
-        pub unsafe fn intersect1(scene: raw::RTCScene, ray: &mut raw::RTCRayHit) {
-            // SAFETY: the caller passes a committed scene and an initialised ray.
-            unsafe { raw::rtcIntersect1(scene, ray, &mut intersect_arguments(false)) }
-        }
-
-        pub unsafe fn occluded1(scene: raw::RTCScene, ray: &mut raw::RTCRay) {
-            // SAFETY: the caller passes a committed scene and an initialised ray.
-            unsafe { raw::rtcOccluded1(scene, ray, &mut occluded_arguments()) }
-        }
-
-        pub unsafe fn intersect16(valid: &super::Valid, scene: raw::RTCScene, rays: &mut raw::RTCRayHit16, coherent: bool) {
-            // SAFETY: the caller passes a committed scene and rays initialised where `valid`, which is aligned to 64 bytes.
-            unsafe { raw::rtcIntersect16(valid.0.as_ptr(), scene, rays, &mut intersect_arguments(coherent)) }
-        }
-
-        pub unsafe fn occluded16(valid: &super::Valid, scene: raw::RTCScene, rays: &mut raw::RTCRay16) {
-            // SAFETY: the caller passes a committed scene and rays initialised where `valid`, which is aligned to 64 bytes.
-            unsafe { raw::rtcOccluded16(valid.0.as_ptr(), scene, rays, &mut occluded_arguments()) }
-        }
+    fn downwards(x: f32, y: f32) -> Ray {
+        Ray::new(Vec3::new(x, y, 2.0), Vec3::NEG_Z)
     }
 
-    pub use version::{intersect1, intersect16, occluded1, occluded16};
-
-    /// The rays of a packet that take part: -1 or 0 each.
-    #[repr(align(64))]
-    pub struct Valid(pub [i32; super::PACKET]);
-}
-
-/// The ray in Embree's single form.
-fn single(ray: &Ray) -> raw::RTCRay {
-    raw::RTCRay {
-        org_x: ray.origin.x,
-        org_y: ray.origin.y,
-        org_z: ray.origin.z,
-        tnear: ray.tmin,
-        dir_x: ray.dir.x,
-        dir_y: ray.dir.y,
-        dir_z: ray.dir.z,
-        time: 0.0,
-        tfar: ray.tmax,
-        mask: u32::MAX,
-        id: 0,
-        flags: 0,
-    }
-}
-
-/// Writes `rays`, at most [`PACKET`] of them, to the lanes of a packet and returns which lanes take part: the valid ones. Debian compiles Embree with its
-/// assertions, and one of them would end the process at a ray that is not a number.
-fn gather(rays: &[Ray], packet: &mut raw::RTCRay16) -> query::Valid {
-    let mut valid = query::Valid([0; PACKET]);
-    for (i, ray) in rays.iter().enumerate() {
-        valid.0[i] = -i32::from(ray.is_valid());
-        packet.org_x[i] = ray.origin.x;
-        packet.org_y[i] = ray.origin.y;
-        packet.org_z[i] = ray.origin.z;
-        packet.tnear[i] = ray.tmin;
-        packet.dir_x[i] = ray.dir.x;
-        packet.dir_y[i] = ray.dir.y;
-        packet.dir_z[i] = ray.dir.z;
-        packet.tfar[i] = ray.tmax;
-    }
-    valid
-}
-
-/// Our numbers of a hit: an instance geometry has its own number, a world-space geometry is numbered by its instance.
-#[inline]
-fn hit(t: f32, u: f32, v: f32, triangle: u32, geometry: u32, instance: u32) -> Hit {
-    if geometry == INVALID_ID {
-        return Hit::MISS;
-    }
-    Hit { t, u, v, instance: if instance == INVALID_ID { geometry } else { instance }, triangle }
-}
-
-impl Scene {
-    /// The device that the scene belongs to.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
-    /// The closest hit of one ray.
-    #[inline]
-    pub fn intersect(&self, ray: &Ray) -> Hit {
-        if !ray.is_valid() {
-            return Hit::MISS;
+    #[test]
+    fn a_library_of_another_version_is_refused() {
+        assert!(check_version((3, 13), (3, 13)).is_ok() && check_version((3, 12), (3, 13)).is_ok());
+        for library in [(4, 3), (4, 13), (3, 12), (2, 17)] {
+            let text = check_version((3, 13), library).unwrap_err().to_string();
+            assert!(text.contains("compiled for Embree 3.13"), "{text}");
+            assert!(
+                text.contains(&format!("Embree {}.{}", library.0, library.1)) && text.contains("choose the backend \"bvh\""),
+                "{text}"
+            );
         }
-        let mut query = raw::RTCRayHit { ray: single(ray), ..Default::default() };
-        query.hit.geomID = INVALID_ID;
-        query.hit.instID = [INVALID_ID];
-        // SAFETY: the scene is committed, the ray initialised.
-        unsafe { query::intersect1(self.handle, &mut query) };
-        hit(query.ray.tfar, query.hit.u, query.hit.v, query.hit.primID, query.hit.geomID, query.hit.instID[0])
+        let device = Device::new("").unwrap();
+        assert!(device.version().starts_with(&format!("Embree {}.", HEADER_VERSION.0)), "{}", device.version());
     }
 
-    /// Whether anything is on one ray.
-    #[inline]
-    pub fn occluded(&self, ray: &Ray) -> bool {
-        if !ray.is_valid() {
-            return false;
-        }
-        let mut query = single(ray);
-        // SAFETY: the scene is committed, the ray initialised.
-        unsafe { query::occluded1(self.handle, &mut query) };
-        query.tfar == f32::NEG_INFINITY
+    #[test]
+    fn running_out_of_memory_is_an_error() {
+        let device = Device::new("").unwrap();
+        device.limit_memory(1 << 20);
+        let text = square(&device, 300).err().unwrap().to_string();
+        assert!(text.contains("out of memory"), "{text}");
+        // The device works again when there is memory, and has given back what the failed scene held.
+        assert!(device.memory_bytes() < 1 << 16, "{}", device.memory_bytes());
+        device.limit_memory(1 << 30);
+        assert!(square(&device, 300).unwrap().intersect(&downwards(0.3, 0.6)).is_hit());
     }
 
-    /// The closest hits of many rays, in packets of [`PACKET`] consecutive ones. `coherent` promises that neighbours are nearly parallel.
-    pub fn intersect_packets(&self, rays: &[Ray], coherent: bool, hits: &mut [Hit]) {
-        let mut packet = raw::RTCRayHit16::default();
-        packet.ray.mask = [u32::MAX; PACKET];
-        for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
-            let valid = gather(rays, &mut packet.ray);
-            packet.hit.geomID = [INVALID_ID; PACKET];
-            packet.hit.instID = [[INVALID_ID; PACKET]];
-            // SAFETY: the scene is committed, the rays that `valid` names initialised.
-            unsafe { query::intersect16(&valid, self.handle, &mut packet, coherent) };
-            let (ray, found) = (&packet.ray, &packet.hit);
-            for (i, out) in hits.iter_mut().enumerate() {
-                *out = hit(ray.tfar[i], found.u[i], found.v[i], found.primID[i], found.geomID[i], found.instID[0][i]);
-            }
-        }
+    #[test]
+    fn memory_is_counted_and_given_back() {
+        let device = Device::new("").unwrap();
+        let scene = square(&device, 100).unwrap();
+        assert!(device.memory_bytes() > 20_000 * 40, "{}", device.memory_bytes());
+        drop(scene);
+        assert!(device.memory_bytes() < 1 << 16, "{}", device.memory_bytes());
     }
 
-    /// Whether anything is on each of many rays, in packets of [`PACKET`] consecutive ones.
-    pub fn occluded_packets(&self, rays: &[Ray], blocked: &mut [bool]) {
-        let mut packet = raw::RTCRay16 { mask: [u32::MAX; PACKET], ..Default::default() };
-        for (rays, blocked) in rays.chunks(PACKET).zip(blocked.chunks_mut(PACKET)) {
-            let valid = gather(rays, &mut packet);
-            // SAFETY: the scene is committed, the rays that `valid` names initialised.
-            unsafe { query::occluded16(&valid, self.handle, &mut packet) };
-            for (out, tfar) in blocked.iter_mut().zip(packet.tfar) {
-                *out = tfar == f32::NEG_INFINITY;
-            }
-        }
-    }
-}
-
-/// Rays that are laid out for [`Scene::trace_packets`].
-pub struct Packets(Vec<raw::RTCRayHit16>);
-
-impl Packets {
-    /// Lays out whole packets of `rays`; rays beyond the last whole packet, and packets with an invalid ray, are left out.
-    pub fn new(rays: &[Ray]) -> Self {
-        let lay_out = |rays: &[Ray]| {
-            let mut packet = raw::RTCRayHit16::default();
-            packet.ray.mask = [u32::MAX; PACKET];
-            packet.hit.geomID = [INVALID_ID; PACKET];
-            packet.hit.instID = [[INVALID_ID; PACKET]];
-            gather(rays, &mut packet.ray).0.iter().all(|&v| v != 0).then_some(packet)
+    #[test]
+    fn a_scene_outlives_the_caller_s_device_and_its_parts() {
+        let instance_scene = {
+            let device = Device::new("").unwrap();
+            let part = Arc::new(square(&device, 4).unwrap());
+            let mut scene = SceneBuilder::new(&device).unwrap();
+            scene.add_instance(3, &part, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).unwrap();
+            scene.commit().unwrap()
         };
-        Self(rays.chunks_exact(PACKET).filter_map(lay_out).collect())
+        let hit = instance_scene.intersect(&downwards(0.3, 0.6));
+        assert_eq!((hit.t, hit.instance), (1.0, 3));
     }
-}
 
-impl Scene {
-    /// Traces packets where they lie, with nothing between the calls of Embree: the measure of what [`Scene::intersect_packets`] adds.
-    pub fn trace_packets(&self, packets: &mut Packets) {
-        let valid = query::Valid([-1; PACKET]);
-        for packet in &mut packets.0 {
-            // SAFETY: the scene is committed, all rays of the packet are initialised and valid.
-            unsafe { query::intersect16(&valid, self.handle, packet, false) };
+    #[test]
+    fn packets_of_every_cpu_generation_hit_the_same() {
+        let rays: Vec<_> = (0..5_003).map(|i| downwards(i as f32 * 2.3e-4 - 0.05, (i as f32 * 0.618).fract())).collect();
+        let mut results = Vec::new();
+        // A CPU without one of these refuses the device.
+        for options in ["isa=sse2", "isa=sse4.2", "isa=avx", "isa=avx2", "isa=avx512"] {
+            let Ok(device) = Device::new(options) else { continue };
+            let scene = square(&device, 20).unwrap();
+            let mut hits = vec![Hit::MISS; rays.len()];
+            let mut blocked = vec![false; rays.len()];
+            scene.intersect_packets(&rays, false, &mut hits);
+            scene.occluded_packets(&rays, &mut blocked);
+            assert!(hits.iter().zip(&blocked).all(|(hit, &blocked)| hit.is_hit() == blocked), "{options}");
+            results.push((options, hits));
         }
+        // With and without fused multiplication the last bits differ.
+        for (options, hits) in &results {
+            let same = |a: &Hit, b: &Hit| a.is_hit() == b.is_hit() && (!a.is_hit() || (a.t - b.t).abs() < 1e-5);
+            assert!(hits.iter().zip(&results[0].1).all(|(a, b)| same(a, b)), "{options} differs from {}", results[0].0);
+            assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 4_000, "{options}");
+        }
+    }
+
+    #[test]
+    fn errors_of_embree_become_ours() {
+        let device = Device::new("").unwrap();
+        let part = Arc::new(square(&device, 2).unwrap());
+        let mut scene = SceneBuilder::new(&device).unwrap();
+        let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        scene.add_instance(5, &part, &unit).unwrap();
+        let text = scene.add_instance(5, &part, &unit).err().unwrap().to_string();
+        assert!(text.starts_with("Embree, adding a geometry: "), "{text}");
+        assert!(
+            scene
+                .add_triangles(6, [[0.0; 3]; 2].into_iter(), &[[0, 1, 2]])
+                .unwrap_err()
+                .to_string()
+                .contains("beyond its 2 vertices")
+        );
+        assert!(scene.commit().is_ok(), "an error is told once");
     }
 }
