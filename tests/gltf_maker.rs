@@ -104,9 +104,19 @@ impl Gltf {
         self.node(json!({"mesh": mesh}));
     }
 
+    /// The document as it stands.
+    pub fn document(&self) -> &Value {
+        &self.json
+    }
+
     /// The file's bytes.
     pub fn glb(&self) -> Vec<u8> {
-        let mut json = self.json.clone();
+        self.glb_of(&self.json)
+    }
+
+    /// The bytes of a file with another document and the same buffer.
+    pub fn glb_of(&self, document: &Value) -> Vec<u8> {
+        let mut json = document.clone();
         if !self.bytes.is_empty() {
             json["buffers"] = json!([{"byteLength": self.bytes.len()}]);
         }
