@@ -8,18 +8,21 @@ DOOR_NEAR, DOOR_FAR, DOOR_TOP = -1.5, -2.75, 2.25
 
 
 def planks():
-    """Floor boards of slightly different oak, with a joint of 2 mm; what shows through the joints lies 8 mm below."""
-    boards, rng, width = Shape(), Random(5), 0.14
-    for i in range(int((RIGHT - LEFT) / width)):
-        x0, x1 = LEFT + i * width + 0.001, LEFT + (i + 1) * width - 0.001
-        z = FRONT + rng(0.0, 1.6)
-        while z > BACK:
-            end, tint = z - rng(1.4, 2.4), rng(0.72, 1.06)
+    """Floor boards of slightly different oak. All rows are cut at the same places, so that no corner lies on another board's edge."""
+    boards, rng, columns, cuts = Shape(), Random(5), 50, 37
+    width, step = (RIGHT - LEFT) / columns, (FRONT - BACK) / cuts
+    for i in range(columns):
+        x0, x1 = LEFT + i * width, LEFT + (i + 1) * width
+        k = -int(rng(0.0, 8.0))
+        while k < cuts:
+            end, tint = k + 7 + int(rng(0.0, 6.0)), rng(0.72, 1.06)
             oak = (0.40 * tint, 0.245 * tint, 0.135 * tint)
-            near, far = min(z, FRONT) - 0.001, max(end, BACK) + 0.001
-            if near > far:
-                boards.face((x0, 0, near), (x1, 0, near), (x1, 0, far), (x0, 0, far), color=oak)
-            z = end
+            rows = [FRONT - c * step for c in range(max(k, 0), min(end, cuts) + 1)]
+            ids = [(boards.vertex((x0, 0, z), color=oak), boards.vertex((x1, 0, z), color=oak)) for z in rows]
+            for (a, b), (d, c) in zip(ids, ids[1:]):
+                boards.triangle(a, b, c)
+                boards.triangle(a, c, d)
+            k = end
     return boards
 
 
@@ -225,8 +228,8 @@ def indirect_room():
     plaster = s.material("plaster", (0.78, 0.755, 0.71), specular=0.0, double=True)
     wood = s.material("walnut", (0.20, 0.105, 0.055), rough=0.5, specular=0.5)
     s.add("floor", planks(), s.material("oak", (1.0, 1.0, 1.0), specular=0.0, double=True))
-    shell = room((LEFT, -0.008, BACK), (RIGHT, HEIGHT, FRONT), skip="-x+x")
-    for z0, z1, y0 in ((BACK, DOOR_FAR, -0.008), (DOOR_NEAR, FRONT, -0.008), (DOOR_FAR, DOOR_NEAR, DOOR_TOP)):
+    shell = room((LEFT, 0.0, BACK), (RIGHT, HEIGHT, FRONT), skip="-x+x-y")
+    for z0, z1, y0 in ((BACK, DOOR_FAR, 0.0), (DOOR_NEAR, FRONT, 0.0), (DOOR_FAR, DOOR_NEAR, DOOR_TOP)):
         shell.face((LEFT, y0, z1), (LEFT, y0, z0), (LEFT, HEIGHT, z0), (LEFT, HEIGHT, z1))
     # The passage behind the left wall, and the thickness of the wall in the doorway.
     shell.add(room((-1.8, 0.0, -5.0), (-0.15, HEIGHT, 0.2), skip="+x"))
@@ -237,7 +240,7 @@ def indirect_room():
     shell.face((-0.15, DOOR_TOP, DOOR_FAR), (LEFT, DOOR_TOP, DOOR_FAR), (LEFT, DOOR_TOP, DOOR_NEAR), (-0.15, DOOR_TOP, DOOR_NEAR))
     shell.face((-0.15, 0, DOOR_NEAR), (LEFT, 0, DOOR_NEAR), (LEFT, 0, DOOR_FAR), (-0.15, 0, DOOR_FAR))
     s.add("shell", shell, plaster)
-    right = Shape().face((RIGHT, -0.008, BACK), (RIGHT, -0.008, FRONT), (RIGHT, HEIGHT, FRONT), (RIGHT, HEIGHT, BACK))
+    right = Shape().face((RIGHT, 0.0, BACK), (RIGHT, 0.0, FRONT), (RIGHT, HEIGHT, FRONT), (RIGHT, HEIGHT, BACK))
     s.add("right wall", right, s.material("terracotta", (0.56, 0.235, 0.13), specular=0.0, double=True))
     s.add("rug", rug(), s.material("rug", (1.0, 1.0, 1.0), specular=0.0), (1.55, 0.0, -2.75))
     sofa(s)

@@ -56,3 +56,14 @@ fn each_scene_says_what_it_is() {
         }
     }
 }
+
+#[test]
+fn each_scene_loads_without_a_warning() {
+    for name in names() {
+        let path = folder().join(format!("{name}.gltf"));
+        let scene = lumicache::import::gltf(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(scene.warnings.is_empty(), "{name}: {:?}", scene.warnings);
+        assert_eq!(scene.cameras.len(), 1, "{name}: cameras");
+        assert!(!scene.geometry.instances.is_empty() && !scene.materials.is_empty(), "{name} is empty");
+    }
+}
