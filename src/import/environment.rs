@@ -9,9 +9,9 @@ use std::path::Path;
 /// Reads the equirectangular map at `path` (Radiance .hdr or OpenEXR), turned by `rotate_degrees` about the vertical axis, its radiance
 /// multiplied by `scale`.
 ///
-/// Without rotation the middle column of the map is seen along -Z and +X lies to the right of it, as [`EnvironmentMap`] says. A positive
-/// rotation turns the surroundings counter-clockwise as seen from above (+Y); what was seen along -Z is then seen towards -X. Blender and three.js
-/// show the middle column along +X, which is a rotation of -90 degrees.
+/// Without rotation the middle column of the map is seen along +X and +Z lies to the right of it, as [`EnvironmentMap`] says, and as Blender and
+/// three.js show it. A positive rotation turns the surroundings counter-clockwise as seen from above (+Y); what was seen along +X is then
+/// seen towards -Z.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0; [`Error::Io`], [`Error::Image`] and

@@ -23,14 +23,14 @@ impl EnvironmentMap {
     fn direction_to_square(&self, direction: Vec3) -> Vec2 {
         let d = self.from_world.matrix3 * direction;
         let theta = (d.x * d.x + d.z * d.z).sqrt().atan2(d.y);
-        Vec2::new(0.5 + d.x.atan2(-d.z) * (0.5 * INV_PI), theta * INV_PI)
+        Vec2::new(0.5 + d.z.atan2(d.x) * (0.5 * INV_PI), theta * INV_PI)
     }
 
     /// The inverse of `direction_to_square`.
     fn square_to_direction(&self, square: Vec2) -> Vec3 {
         let (sin_theta, cos_theta) = (square.y * PI).sin_cos();
         let (sin_phi, cos_phi) = ((square.x - 0.5) * (2.0 * PI)).sin_cos();
-        let d = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
+        let d = Vec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi);
         self.from_world.matrix3.transpose() * d
     }
 
