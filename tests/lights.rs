@@ -416,17 +416,17 @@ fn mixed_lights_add_up() {
 
 #[test]
 fn map_is_seen_where_it_should_be() {
-    // Middle column towards -Z, +X a quarter of the width to its right, +Y at the top.
+    // Middle column towards +X, +Z a quarter of the width to its right, +Y at the top.
     let mut map = EnvironmentMap { pixels: vec![Vec3::ZERO; 8 * 9], width: 8, height: 9, ..EnvironmentMap::constant(Vec3::ZERO) };
     map.pixels[4 * 8 + 4] = Vec3::X;
     map.pixels[4 * 8 + 6] = Vec3::Y;
     map.pixels[..8].fill(Vec3::Z);
     let at = |column: f32| {
         let phi = (column + 0.5 - 4.0) / 8.0 * 2.0 * PI;
-        map.radiance(Vec3::new(phi.sin(), 0.0, -phi.cos()))
+        map.radiance(Vec3::new(phi.cos(), 0.0, phi.sin()))
     };
     assert!((at(4.0) - Vec3::X).length() < 1e-5 && (at(6.0) - Vec3::Y).length() < 1e-5);
-    assert!((map.radiance(-Vec3::Z) - 0.5 * Vec3::X).length() < 1e-5 && (map.radiance(Vec3::X) - 0.5 * Vec3::Y).length() < 1e-5);
+    assert!((map.radiance(Vec3::X) - 0.5 * Vec3::X).length() < 1e-5 && (map.radiance(Vec3::Z) - 0.5 * Vec3::Y).length() < 1e-5);
     assert!((map.radiance(Vec3::Y) - Vec3::Z).length() < 1e-5 && map.radiance(-Vec3::Y).length() < 1e-5);
 }
 

@@ -14,6 +14,8 @@ use crate::scene::Scene;
 const ROULETTE_AFTER: u32 = 4;
 /// Highest probability of survival in Russian roulette.
 const MAX_SURVIVAL: f32 = 0.98;
+/// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as probability.
+const GLOSS_SURVIVAL: f32 = 2.0;
 /// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect mirrors.
 const LONGEST_PATH: u32 = 4096;
 
@@ -228,7 +230,18 @@ impl PathTracer<'_> {
         let sampled = if irradiance.is_some() { Sampled::Glossy } else { Sampled::Everything };
         let cached = irradiance.map_or(Color::ZERO, |e| v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI);
         let light = self.light(v, sampler, sampled);
-        let next = self.scatter(v, sampler, sampled);
+        let mut next = self.scatter(v, sampler, sampled);
+        if sampled == Sampled::Glossy
+            && let Some((sample, _)) = &mut next
+        {
+            // Most of the light is accounted for; a faint gloss on top of it is followed only as often as it matters.
+            let survival = (GLOSS_SURVIVAL * sample.weight.max_element()).min(1.0);
+            if sampler.next_1d() < survival {
+                sample.weight /= survival;
+            } else {
+                next = None;
+            }
+        }
         Step { cached, light, next }
     }
 

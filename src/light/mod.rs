@@ -108,8 +108,8 @@ pub enum PunctualLight {
     },
 }
 
-/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no rotation the middle column is seen along -Z, and +X
-/// lies to its right.
+/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no rotation the middle column is seen along +X and +Z
+/// lies to its right, as in Blender and three.js.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     /// Columns.
