@@ -136,6 +136,28 @@ fn long_chains_of_nodes_are_no_problem() {
     assert_eq!(file.load().geometry.instances.len(), 1);
 }
 
+#[test]
+fn small_files_cannot_multiply_without_bound() {
+    // A thousand nodes with a million instances each.
+    let mut file = Gltf::new();
+    let mesh = crate::gltf_maker::triangle(&mut file);
+    let offsets = file.add("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000}));
+    for _ in 0..1000 {
+        file.node(json!({"mesh": mesh, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": offsets}}}}));
+    }
+    let text = file.try_load(&ImportOptions::default()).unwrap_err().to_string();
+    assert!(text.contains("a file of this size cannot sensibly ask for so much"), "{text}");
+
+    // Many accessors of the same bytes.
+    let mut file = Gltf::new();
+    let view = file.view(&vec![0; 1 << 20], None);
+    for _ in 0..20_000 {
+        file.add("accessors", json!({"bufferView": view, "componentType": 5121, "type": "SCALAR", "count": 1 << 20}));
+    }
+    let text = file.try_load(&ImportOptions::default()).unwrap_err().to_string();
+    assert!(text.contains("a file of this size cannot sensibly ask for so much"), "{text}");
+}
+
 /// A file with a bit of everything.
 fn everything() -> Gltf {
     let mut file = Gltf::new();

@@ -1,13 +1,19 @@
 //! What the specification demands of the numbers in accessors, whether or not something shows them.
 
 use super::accessors::{Accessor, Accessors};
+use super::budget::Budget;
 use super::json::{Fault, Parsed};
 use super::layout::Component;
 
 /// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element lies outside the declared bounds.
-pub(super) fn check(accessors: &Accessors, warnings: &mut Vec<String>) -> Parsed<()> {
+///
+/// `work` bounds the bytes that are looked at: thousands of accessors may share the same ones.
+pub(super) fn check(accessors: &Accessors, work: &mut Budget, warnings: &mut Vec<String>) -> Parsed<()> {
     let mut loose = 0;
     for accessor in &accessors.list {
+        if let (Some(layout), Some(_)) = (accessor.layout, accessor.view) {
+            work.spend(accessor.count, layout.element(), &accessor.path)?;
+        }
         loose += usize::from(check_one(accessors, accessor)?);
     }
     if loose > 0 {

@@ -199,6 +199,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
     }
 
     fn instance(&mut self, node: &Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
+        self.budget.spend(1, size_of::<Instance>() as u64, &node.path)?;
         let to_world = Affine3A::from_mat3_translation(to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());

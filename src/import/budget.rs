@@ -12,7 +12,9 @@ pub(super) struct Budget {
 
 impl Budget {
     /// Bytes of geometry that any file may decode to.
-    const GEOMETRY: u64 = 1 << 30;
+    const GEOMETRY: u64 = 1 << 29;
+    /// Bytes that checks of any file may look at.
+    const WORK: u64 = 1 << 27;
     /// Bytes of pixels that any file may decode to; pictures of one colour compress a thousandfold.
     const PIXELS: u64 = 4 << 30;
     /// Decoded bytes per byte read.
@@ -21,6 +23,11 @@ impl Budget {
     /// The allowance for the geometry of a file that has yet to be read.
     pub fn of_geometry() -> Self {
         Self { left: Self::GEOMETRY }
+    }
+
+    /// The allowance for looking at the bytes of files, of which `self` has been told.
+    pub fn of_work(&self) -> Self {
+        Self { left: self.left.saturating_sub(Self::GEOMETRY).saturating_add(Self::WORK) }
     }
 
     /// The allowance for the pixels of images that have yet to be read.
@@ -41,7 +48,10 @@ impl Budget {
                 self.left = left;
                 Ok(())
             }
-            None => Err(Fault::new(at, format!("decodes to {count} elements, out of all proportion to the size of the files"))),
+            None => {
+                let what = format!("{count} more elements of {size} bytes: a file of this size cannot sensibly ask for so much");
+                Err(Fault::new(at, what))
+            }
         }
     }
 }

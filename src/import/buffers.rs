@@ -5,14 +5,17 @@ use super::container::Container;
 use super::json::{Fault, Json, Parsed, quote};
 use super::meshopt;
 use super::uri::{self, Target};
-use std::borrow::Cow;
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Buffer views that hold vertex indices carry this target.
 const ELEMENT_ARRAY_BUFFER: u64 = 34963;
 
 enum Data<'a> {
-    Here(Cow<'a, [u8]>),
+    Chunk(&'a [u8]),
+    /// Buffers of the same file share its bytes.
+    Own(Arc<Vec<u8>>),
     /// Not to be had; says why. An error only where something needs the bytes.
     Absent(String),
 }
@@ -21,6 +24,17 @@ struct Buffer<'a> {
     path: String,
     byte_length: u64,
     data: Data<'a>,
+}
+
+impl Buffer<'_> {
+    /// The bytes, at least `byte_length` of them, or why there are none.
+    fn bytes(&self) -> std::result::Result<&[u8], String> {
+        match &self.data {
+            Data::Chunk(bytes) => Ok(bytes),
+            Data::Own(bytes) => Ok(bytes),
+            Data::Absent(why) => Err(format!("needs the bytes of {}, and {why}", self.path)),
+        }
+    }
 }
 
 /// A part of a buffer.
@@ -55,12 +69,9 @@ impl<'a> Buffers<'a> {
         warnings: &mut Vec<String>,
     ) -> Parsed<Self> {
         let mut buffers = Vec::new();
+        let mut reader = Reader { container, folder, files: HashMap::new(), budget, warnings };
         for (i, json) in root.entities("buffers")?.iter().enumerate() {
-            let buffer = buffer(json, i, container, folder, warnings)?;
-            if let Data::Here(bytes) = &buffer.data {
-                budget.feed(bytes.len() as u64);
-            }
-            buffers.push(buffer);
+            buffers.push(reader.buffer(json, i)?);
         }
         let mut this = Self { buffers, views: Vec::new() };
         for json in root.entities("bufferViews")? {
@@ -70,16 +81,14 @@ impl<'a> Buffers<'a> {
         Ok(this)
     }
 
-    /// The bytes `offset..offset + length` of a buffer; `at` is the JSON path of who asks.
-    fn slice(&self, buffer: usize, offset: u64, length: u64, at: &Json) -> Parsed<Option<&[u8]>> {
-        let Buffer { byte_length, data, path } = &self.buffers[buffer];
+    /// The bytes `offset..offset + length` of a buffer, or why there are none; `at` is who asks, and to blame if they do not fit.
+    fn slice(&self, buffer: usize, offset: u64, length: u64, at: &Json) -> Parsed<std::result::Result<&[u8], String>> {
+        let buffer = &self.buffers[buffer];
+        let Buffer { byte_length, path, .. } = buffer;
         let end = offset.checked_add(length).filter(|end| end <= byte_length).ok_or_else(|| {
             at.fault(format!("its {length} bytes from {offset} on do not fit the {byte_length} bytes of {path}"))
         })?;
-        Ok(match data {
-            Data::Here(bytes) => Some(&bytes[offset as usize..end as usize]),
-            Data::Absent(_) => None,
-        })
+        Ok(buffer.bytes().map(|bytes| &bytes[offset as usize..end as usize]))
     }
 
     fn view(&self, json: &Json, budget: &mut Budget) -> Parsed<View> {
@@ -88,7 +97,8 @@ impl<'a> Buffers<'a> {
         let offset = json.unsigned("byteOffset")?.unwrap_or(0);
         let stride = json.unsigned("byteStride")?;
         let target = json.unsigned("target")?;
-        self.slice(buffer, offset, length, json)?;
+        // Absent bytes are an error only where something needs them.
+        let _ = self.slice(buffer, offset, length, json)?;
         if let Some(stride) = stride {
             let wrong = |what: String| Err(json.fault_at("byteStride", what));
             if !(4..=252).contains(&stride) || stride % 4 != 0 {
@@ -105,19 +115,11 @@ impl<'a> Buffers<'a> {
             None => None,
             Some(compressed) => {
                 let source = self.slice(compressed.buffer, compressed.offset, compressed.length, &compressed.json)?;
-                let source = source.ok_or_else(|| compressed.json.fault(self.absence(compressed.buffer)))?;
+                let source = source.map_err(|why| compressed.json.fault(why))?;
                 Some(compressed.decode(source, length, budget)?)
             }
         };
         Ok(View { path: json.path().to_owned(), stride, length, offset, buffer, decoded })
-    }
-
-    fn absence(&self, buffer: usize) -> String {
-        let Buffer { path, data, .. } = &self.buffers[buffer];
-        match data {
-            Data::Here(_) => String::new(),
-            Data::Absent(why) => format!("needs the bytes of {path}, and {why}"),
-        }
     }
 
     /// The bytes of a view, or why there are none.
@@ -126,76 +128,76 @@ impl<'a> Buffers<'a> {
         if let Some(decoded) = decoded {
             return Ok(decoded);
         }
-        match &self.buffers[*buffer].data {
-            // `view` has checked that the range fits.
-            Data::Here(bytes) => Ok(&bytes[*offset as usize..(*offset + *length) as usize]),
-            Data::Absent(_) => Err(self.absence(*buffer)),
-        }
+        // `view` has checked that the range fits.
+        self.buffers[*buffer].bytes().map(|bytes| &bytes[*offset as usize..(*offset + *length) as usize])
     }
 }
 
-fn buffer<'a>(
-    json: &Json,
-    index: usize,
+/// Reads buffers, each file once.
+struct Reader<'r, 'a> {
     container: &'a Container,
-    folder: &Path,
-    warnings: &mut Vec<String>,
-) -> Parsed<Buffer<'a>> {
-    let byte_length = json.need_positive("byteLength")?;
-    let path = json.path().to_owned();
-    let too_short =
-        |actual: usize| json.fault_at("byteLength", format!("{byte_length} bytes are declared, and only {actual} are there"));
-    let data = match json.string("uri")? {
-        None if meshopt::is_fallback(json)? => Data::Absent("it is a placeholder for compressed data".into()),
-        None if index == 0 && container.is_glb => {
-            let chunk = container
-                .bin()
-                .ok_or_else(|| json.fault("it has no uri and so stands for the GLB's binary chunk, which is missing"))?;
-            if (chunk.len() as u64) < byte_length {
-                return Err(too_short(chunk.len()));
+    folder: &'r Path,
+    files: HashMap<PathBuf, Arc<Vec<u8>>>,
+    budget: &'r mut Budget,
+    warnings: &'r mut Vec<String>,
+}
+
+impl<'a> Reader<'_, 'a> {
+    fn buffer(&mut self, json: &Json, index: usize) -> Parsed<Buffer<'a>> {
+        let byte_length = json.need_positive("byteLength")?;
+        let data = match json.string("uri")? {
+            None if meshopt::is_fallback(json)? => Data::Absent("it is a placeholder for compressed data".into()),
+            None if index == 0 && self.container.is_glb => self.chunk(json, byte_length)?,
+            None => Data::Absent("it has no uri".into()),
+            Some(uri) => self.external(json, uri)?,
+        };
+        let buffer = Buffer { path: json.path().to_owned(), byte_length, data };
+        match buffer.bytes().map(<[u8]>::len) {
+            Ok(length) if (length as u64) < byte_length => {
+                let what = format!("{byte_length} bytes are declared, and only {length} are there");
+                Err(json.fault_at("byteLength", what))
             }
-            if chunk.len() as u64 - byte_length > 3 {
-                warnings.push(format!("the GLB's binary chunk is longer than {path} declares"));
-            }
-            Data::Here(Cow::Borrowed(&chunk[..byte_length as usize]))
+            _ => Ok(buffer),
         }
-        None => Data::Absent("it has no uri".into()),
-        Some(uri) => {
-            let at = json.path_of("uri");
-            match uri::resolve(uri, &at, folder)? {
-                Target::Data { media_type, bytes } => {
-                    if !["", "application/octet-stream", "application/gltf-buffer"].contains(&media_type.as_str()) {
-                        let media_type = quote(&media_type);
-                        return Err(Fault::new(
-                            at,
-                            format!(
-                                "a buffer's data URI must be of type application/octet-stream or application/gltf-buffer, \
-                                 not {media_type}"
-                            ),
-                        ));
-                    }
-                    if (bytes.len() as u64) < byte_length {
-                        return Err(too_short(bytes.len()));
-                    }
-                    Data::Here(Cow::Owned(bytes))
+    }
+
+    fn chunk(&mut self, json: &Json, byte_length: u64) -> Parsed<Data<'a>> {
+        let missing = "it has no uri and so stands for the GLB's binary chunk, which is missing";
+        let chunk = self.container.bin().ok_or_else(|| json.fault(missing))?;
+        if chunk.len() as u64 > byte_length.saturating_add(3) {
+            self.warnings.push(format!("the GLB's binary chunk is longer than {} declares", json.path()));
+        }
+        Ok(Data::Chunk(chunk))
+    }
+
+    fn external(&mut self, json: &Json, uri: &str) -> Parsed<Data<'a>> {
+        let at = json.path_of("uri");
+        match uri::resolve(uri, &at, self.folder)? {
+            Target::Data { media_type, bytes } => {
+                if !["", "application/octet-stream", "application/gltf-buffer"].contains(&media_type.as_str()) {
+                    let wanted = "application/octet-stream or application/gltf-buffer";
+                    let what = format!("a buffer's data URI must be of type {wanted}, not {}", quote(&media_type));
+                    return Err(Fault::new(at, what));
                 }
-                Target::File(file) => {
-                    let bytes = uri::read(&file, &at, byte_length)?;
-                    if (bytes.len() as u64) < byte_length {
-                        return Err(too_short(bytes.len()));
-                    }
-                    Data::Here(Cow::Owned(bytes))
+                Ok(Data::Own(Arc::new(bytes)))
+            }
+            Target::File(file) => {
+                if let Some(bytes) = self.files.get(&file) {
+                    return Ok(Data::Own(bytes.clone()));
                 }
-                Target::Absolute => {
-                    let why = format!(
-                        "its uri {} is not relative to the scene file: only such files are read, so copy the file there",
-                        quote(uri)
-                    );
-                    warnings.push(format!("{path} is not read: {why}"));
-                    Data::Absent(why)
-                }
+                let bytes = Arc::new(uri::read(&file, &at, u64::MAX)?);
+                self.budget.feed(bytes.len() as u64);
+                self.files.insert(file, bytes.clone());
+                Ok(Data::Own(bytes))
+            }
+            Target::Absolute => {
+                let why = format!(
+                    "its uri {} is not relative to the scene file: only such files are read, so copy the file there",
+                    quote(uri)
+                );
+                self.warnings.push(format!("{} is not read: {why}", json.path()));
+                Ok(Data::Absent(why))
             }
         }
-    };
-    Ok(Buffer { path, byte_length, data })
+    }
 }

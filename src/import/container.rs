@@ -1,4 +1,4 @@
-//! The file around a document: plain JSON (.gltf) or the binary container (.glb).
+//! The file around a document: plain JSON (.gltf) or the binary container (.glb) [glTF20, 4].
 
 use super::json::{Fault, Parsed};
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! How the elements of an accessor lie in memory.
+//! How the elements of an accessor lie in memory [glTF20, 3.6.2].
 
 /// The type of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,8 +148,12 @@ impl Layout {
 
     /// Start of component `k` (columns first) in an element.
     fn component_offset(self, k: usize) -> usize {
+        let size = self.component.size() as usize;
+        if !self.shape.is_matrix() {
+            return k * size;
+        }
         let rows = self.shape.size().1 as usize;
-        k / rows * self.column() as usize + k % rows * self.component.size() as usize
+        k / rows * self.column() as usize + k % rows * size
     }
 }
 

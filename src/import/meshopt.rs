@@ -137,7 +137,7 @@ impl<'a> Compressed<'a> {
         Ok(bytes)
     }
 
-    fn unfilter(&self, bytes: &mut Vec<u8>) {
+    fn unfilter(&self, bytes: &mut [u8]) {
         use ::meshopt::{decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat};
         match (self.filter, self.stride) {
             (Filter::None, _) => {}
@@ -151,8 +151,8 @@ impl<'a> Compressed<'a> {
     }
 }
 
-/// Runs a filter over bytes that are elements of type `T`; they are copied because a byte vector need not be aligned for `T`.
-fn in_place<T: bytemuck::Pod>(bytes: &mut Vec<u8>, filter: impl FnOnce(&mut [T])) {
+/// Runs a filter over bytes that are elements of type `T`; they are copied because bytes need not be aligned for `T`.
+fn in_place<T: bytemuck::Pod>(bytes: &mut [u8], filter: impl FnOnce(&mut [T])) {
     let mut elements: Vec<T> = bytemuck::pod_collect_to_vec(bytes);
     filter(&mut elements);
     bytes.copy_from_slice(bytemuck::cast_slice(&elements));

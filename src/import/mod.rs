@@ -52,6 +52,7 @@ mod cameras;
 mod container;
 mod environment;
 mod extensions;
+mod images;
 mod json;
 mod layout;
 mod lights;
@@ -122,6 +123,9 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
     if !metadata.is_file() {
         return Err(Error::scene(path, "", "it is not a regular file"));
     }
+    if metadata.len() > u64::from(u32::MAX) {
+        return Err(Error::scene(path, "", "it is larger than 4 GiB, which no GLB can be and no document should"));
+    }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     read(bytes, path, options).map_err(|fault| fault.into_error(path))
 }
@@ -141,7 +145,7 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
     let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = Buffers::parse(&root, &container, folder, &mut budget, warnings)?;
     let accessors = Accessors::parse(&root, buffers, warnings)?;
-    accessor_data::check(&accessors, warnings)?;
+    accessor_data::check(&accessors, &mut budget.of_work(), warnings)?;
     let mut textures = Textures::parse(&root, &accessors, folder, warnings)?;
     scene.materials = materials::materials(&root, &mut textures, warnings)?;
     let meshes = primitives::meshes(&root, &accessors, scene.materials.len(), warnings)?;

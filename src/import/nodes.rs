@@ -202,7 +202,8 @@ pub(super) fn scene_roots(
     let scenes = root.entities("scenes")?;
     let default = default_scene(root)?;
     let mut lists = Vec::new();
-    for scene in &scenes {
+    let mut scene_of = vec![usize::MAX; graph.nodes.len()];
+    for (number, scene) in scenes.iter().enumerate() {
         let mut list = Vec::new();
         for node in scene.array("nodes")? {
             let i = node.as_index("nodes", graph.nodes.len())?;
@@ -211,7 +212,7 @@ pub(super) fn scene_roots(
                     node.fault(format!("/nodes/{i} is the child of another node, so it cannot stand in a scene by itself"))
                 );
             }
-            if list.contains(&i) {
+            if std::mem::replace(&mut scene_of[i], number) == number {
                 return Err(node.fault(format!("/nodes/{i} is listed twice")));
             }
             list.push(i);

@@ -7,7 +7,6 @@ use super::layout::{Component, Shape};
 use super::nodes::Graph;
 use super::primitives::Influences;
 use crate::geometry::TriangleMesh;
-use crate::math::Vec3;
 use glam::{DAffine3, DMat4, DVec3};
 
 const MATRICES: Format = Format { shapes: &[Shape::Mat4], components: &[(Component::F32, None)] };
@@ -59,6 +58,12 @@ impl Skin {
 }
 
 /// Moves the vertices of `mesh` to the world by the joints' `matrices`; `path` names the primitive in messages.
+///
+/// ```text
+/// p' = Σ_j w_j (joint to world)_j (inverse bind)_j p / Σ_j w_j        [glTF20, 3.7.3.3]
+/// ```
+///
+/// Normals take the inverse transpose of the blended matrix.
 pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: &[DAffine3], path: &str) -> Parsed<()> {
     let count = mesh.positions.len();
     for i in 0..count {
@@ -84,11 +89,8 @@ pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: 
             [first, ..] if sum <= 1e-6 => columns(first),
             _ => blend.map(|column| column / sum),
         };
-        let place = |p: Vec3| {
-            let p = p.as_dvec3();
-            (blend[0] * p.x + blend[1] * p.y + blend[2] * p.z + blend[3]).as_vec3()
-        };
-        mesh.positions[i] = place(mesh.positions[i]);
+        let p = mesh.positions[i].as_dvec3();
+        mesh.positions[i] = (blend[0] * p.x + blend[1] * p.y + blend[2] * p.z + blend[3]).as_vec3();
         if !mesh.positions[i].is_finite() {
             return Err(Fault::new(path, "skinning moves a vertex out of the range of numbers"));
         }

@@ -1,30 +1,15 @@
-//! Images, samplers and textures.
+//! Samplers and textures.
 
 use super::accessors::Accessors;
 use super::budget::Budget;
-use super::json::{Fault, Json, Parsed, quote};
-use super::uri::{self, Target};
-use crate::imagefile::{TextureImage, TexturePixels, ldr};
+use super::images::{self, Decoded};
+use super::json::{Fault, Json, Parsed};
+use crate::imagefile::{TextureImage, TexturePixels};
 use crate::math::Vec2;
 use crate::texture::{ColorSpace, Texture, TextureRef, Wrap};
-use rayon::prelude::*;
-use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
-
-/// The longest image file that is read.
-const LONGEST_IMAGE: u64 = 1 << 30;
-
-/// The stored bytes of an image.
-enum Encoded<'a> {
-    /// The bytes, and the file they come from where it is not the scene file.
-    Here(Cow<'a, [u8]>, Option<String>),
-    /// Not to be had or of no format that we read; an error only if a material shows the image.
-    Unusable(String),
-}
-
-/// A decoded image, or why there is none.
-type Decoded = std::result::Result<Arc<TextureImage>, String>;
 
 /// How texture coordinates outside the image and between pixels are treated.
 #[derive(Clone, Copy, Default)]
@@ -35,12 +20,12 @@ struct Sampler {
 }
 
 /// What makes the pixels of one of the scene's textures.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Use {
     /// The image as it is.
     Plain,
-    /// 1 - factor * alpha in the green channel: glossiness to roughness.
-    Roughness(f32),
+    /// 1 - factor * alpha in the green channel: glossiness to roughness; the factor by its bits.
+    Roughness(u32),
 }
 
 /// The textures of a document, and which of them materials use.
@@ -49,21 +34,17 @@ pub(super) struct Textures {
     samplers: Vec<Sampler>,
     /// Image and sampler of each texture; a reference to nowhere is an error only where a material uses the texture.
     textures: Vec<(Parsed<Option<usize>>, Option<usize>)>,
-    /// The textures in use, in the order of their first use: indices into the scene's textures.
+    /// The textures in use, in the order of their first use, which is that of the scene's textures.
     slots: Vec<(usize, Use)>,
+    slot_of: HashMap<(usize, Use), u32>,
+    pixels: Budget,
 }
 
 impl Textures {
     /// Reads and decodes all images, and the samplers and textures that refer to them.
     pub fn parse(root: &Json, accessors: &Accessors, folder: &Path, warnings: &mut Vec<String>) -> Parsed<Self> {
-        let encoded = root
-            .entities("images")?
-            .iter()
-            .map(|json| Ok((json.path().to_owned(), encoded(json, accessors, folder, warnings)?)))
-            .collect::<Parsed<Vec<_>>>()?;
-        check_sizes(&encoded)?;
-        let images: Vec<Parsed<Decoded>> = encoded.into_par_iter().map(|(path, encoded)| decode_image(&path, encoded)).collect();
-        let images = images.into_iter().collect::<Parsed<Vec<_>>>()?;
+        let mut pixels = Budget::of_pixels();
+        let images = images::images(root, accessors, folder, &mut pixels, warnings)?;
         let samplers = root.entities("samplers")?.iter().map(sampler).collect::<Parsed<Vec<_>>>()?;
         let mut textures = Vec::new();
         for json in root.entities("textures")? {
@@ -73,15 +54,21 @@ impl Textures {
             }
             textures.push((image, json.index("sampler", "samplers", samplers.len())?));
         }
-        Ok(Self { images, samplers, textures, slots: Vec::new() })
+        Ok(Self { images, samplers, textures, slots: Vec::new(), slot_of: HashMap::new(), pixels })
     }
 
-    fn slot(&mut self, texture: usize, usage: Use) -> u32 {
-        let slot = self.slots.iter().position(|s| *s == (texture, usage)).unwrap_or_else(|| {
-            self.slots.push((texture, usage));
-            self.slots.len() - 1
-        });
-        slot as u32
+    /// The place of a texture in the scene, which is given to it on its first use.
+    fn slot(&mut self, texture: usize, image: &TextureImage, usage: Use, at: &str) -> Parsed<u32> {
+        if let Some(slot) = self.slot_of.get(&(texture, usage)) {
+            return Ok(*slot);
+        }
+        if usage != Use::Plain {
+            self.pixels.spend(u64::from(image.width) * u64::from(image.height), 4, at)?;
+        }
+        let slot = self.slots.len() as u32;
+        self.slots.push((texture, usage));
+        self.slot_of.insert((texture, usage), slot);
+        Ok(slot)
     }
 
     /// The texture that the property `key` of a material refers to.
@@ -103,7 +90,7 @@ impl Textures {
         factor: f32,
         warnings: &mut Vec<String>,
     ) -> Parsed<Option<TextureRef>> {
-        self.reference_as(material, key, ColorSpace::Linear, Use::Roughness(factor), warnings)
+        self.reference_as(material, key, ColorSpace::Linear, Use::Roughness(factor.to_bits()), warnings)
     }
 
     fn reference_as(
@@ -133,10 +120,11 @@ impl Textures {
             left_out(format!("/textures/{texture} has no image of a kind that we read"));
             return Ok(None);
         };
-        if let Err(why) = &self.images[image] {
-            return Err(Fault::new(format!("/images/{image}"), why.as_str()));
-        }
-        let texture = self.slot(texture, usage);
+        let image = match &self.images[image] {
+            Ok(image) => image.clone(),
+            Err(why) => return Err(Fault::new(format!("/images/{image}"), why.as_str())),
+        };
+        let texture = self.slot(texture, &image, usage, info.path())?;
         Ok(Some(TextureRef { texture, uv_set: uv_set as u8, offset, rotation, scale, color_space }))
     }
 
@@ -149,7 +137,7 @@ impl Textures {
             let image = self.images[image.clone().ok()??].as_ref().ok()?;
             let image = match usage {
                 Use::Plain => image.clone(),
-                Use::Roughness(factor) => Arc::new(roughness(image, factor)),
+                Use::Roughness(factor) => Arc::new(roughness(image, f32::from_bits(factor))),
             };
             Some(Texture { image, wrap_s: sampler.wrap_s, wrap_t: sampler.wrap_t, nearest: sampler.nearest })
         };
@@ -180,103 +168,6 @@ fn roughness(image: &TextureImage, factor: f32) -> TextureImage {
         }
     };
     TextureImage { width: image.width, height: image.height, pixels }
-}
-
-/// The media type of an image by its first bytes.
-fn recognize(bytes: &[u8]) -> Option<&'static str> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        Some("image/png")
-    } else if bytes.starts_with(b"\xff\xd8\xff") {
-        Some("image/jpeg")
-    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        Some("image/webp")
-    } else {
-        None
-    }
-}
-
-fn encoded<'a>(json: &Json, accessors: &'a Accessors, folder: &Path, warnings: &mut Vec<String>) -> Parsed<Encoded<'a>> {
-    let view = json.index("bufferView", "bufferViews", accessors.buffers().views.len())?;
-    let mut declared = json.string("mimeType")?.map(str::to_owned);
-    let (bytes, file) = match (json.string("uri")?, view) {
-        (Some(_), Some(_)) | (None, None) => {
-            return Err(json.fault("must have either a uri or a bufferView, and not both"));
-        }
-        (None, Some(view)) => {
-            if declared.is_none() {
-                return Err(json.missing("mimeType"));
-            }
-            if accessors.buffers().views[view].stride.is_some() {
-                return Err(json.fault_at("bufferView", "a view of image data must not have a byteStride"));
-            }
-            match accessors.buffers().bytes(view) {
-                Ok(bytes) => (Cow::Borrowed(bytes), None),
-                Err(why) => return Ok(Encoded::Unusable(why)),
-            }
-        }
-        (Some(uri), None) => {
-            let at = json.path_of("uri");
-            match uri::resolve(uri, &at, folder)? {
-                Target::Data { media_type, bytes } => {
-                    if !media_type.is_empty() && !media_type.starts_with("image/") && media_type != "application/octet-stream" {
-                        return Err(Fault::new(at, format!("the data URI's type {} is no image's", quote(&media_type))));
-                    }
-                    if declared.is_none() && media_type.starts_with("image/") {
-                        declared = Some(media_type);
-                    }
-                    (Cow::Owned(bytes), None)
-                }
-                Target::File(file) => (Cow::Owned(uri::read(&file, &at, LONGEST_IMAGE)?), Some(file.display().to_string())),
-                Target::Absolute => {
-                    let why = format!("its uri {} is not relative to the scene file, and only such files are read", quote(uri));
-                    warnings.push(format!("{} is not read: {why}", json.path()));
-                    return Ok(Encoded::Unusable(why));
-                }
-            }
-        }
-    };
-    match (recognize(&bytes), declared) {
-        (Some(actual), Some(declared)) if declared != actual => {
-            Err(json.fault(format!("declared as {}, and is {actual}", quote(&declared))))
-        }
-        (Some(_), _) => Ok(Encoded::Here(bytes, file)),
-        (None, Some(declared)) if ["image/png", "image/jpeg", "image/webp"].contains(&declared.as_str()) => {
-            Err(json.fault(format!("declared as {declared}, and is not")))
-        }
-        (None, _) => {
-            let name = file.map_or(String::new(), |f| format!("{f} "));
-            let why = format!("{name}is no PNG, JPEG or WebP image");
-            warnings.push(format!("{}: {why}", json.path()));
-            Ok(Encoded::Unusable(why))
-        }
-    }
-}
-
-/// Refuses images whose pixels would fill the memory, before they are decoded.
-fn check_sizes(images: &[(String, Encoded)]) -> Parsed<()> {
-    let mut budget = Budget::of_pixels();
-    for (path, image) in images {
-        let Encoded::Here(bytes, _) = image else { continue };
-        let reader = image::ImageReader::new(std::io::Cursor::new(bytes.as_ref())).with_guessed_format();
-        // What cannot be read at all is told with its reason where it is decoded.
-        let Some((width, height)) = reader.ok().and_then(|r| r.into_dimensions().ok()) else { continue };
-        budget.feed(bytes.len() as u64);
-        budget.spend(u64::from(width) * u64::from(height), 4, path)?;
-    }
-    Ok(())
-}
-
-fn decode_image(path: &str, encoded: Encoded) -> Parsed<Decoded> {
-    match encoded {
-        Encoded::Unusable(why) => Ok(Err(why)),
-        Encoded::Here(bytes, file) => match ldr::decode(&bytes) {
-            Ok(image) => Ok(Ok(Arc::new(image))),
-            Err(why) => {
-                let name = file.map_or(String::new(), |f| format!("{f}: "));
-                Err(Fault::new(path, format!("{name}{}", why.trim().replace('\n', " "))))
-            }
-        },
-    }
 }
 
 fn sampler(json: &Json) -> Parsed<Sampler> {

@@ -12,7 +12,7 @@ pub(super) enum Mode {
 
 /// The triangles of `count` vertices in the order in which `vertex` tells them.
 ///
-/// Vertices that do not complete a triangle are left over, as the specification says.
+/// Vertices that do not complete a triangle are left over [glTF20, 3.7.2.1].
 pub(super) fn triangulate(mode: Mode, count: usize, vertex: impl Fn(usize) -> u32) -> Vec<[u32; 3]> {
     match mode {
         Mode::Triangles => (0..count / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2].map(&vertex)).collect(),
