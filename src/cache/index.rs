@@ -30,9 +30,9 @@ enum Node {
 }
 
 /// Leaves with this many records or fewer are not split.
-const LEAF: usize = 6;
+const LEAF: usize = 24;
 /// Cells are not split below this share of the harmonic mean radius of their records.
-const SMALLEST_CELL: f32 = 0.25;
+const SMALLEST_CELL: f32 = 0.5;
 /// Deepest level of the tree.
 const MAX_DEPTH: u32 = 20;
 
