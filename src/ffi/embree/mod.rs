@@ -10,8 +10,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 mod trace;
 
-pub use trace::Packets;
-
 #[allow(
     non_camel_case_types,
     non_snake_case,
