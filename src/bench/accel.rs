@@ -254,7 +254,7 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
         triangles: geometry.triangle_count(),
         rays,
         backends,
-        relative_to_bare_embree: bare.map(|bare| bare / bundled),
+        relative_to_bare_embree: bare.map(|bare| bare / trace[0][1]),
     })
 }
 
