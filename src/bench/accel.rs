@@ -78,7 +78,7 @@ pub struct Throughput {
     pub occlusion: f64,
 }
 
-/// Directions from one point in [`Workload::bundles`].
+/// Directions from one point in [`Workload::bundle`].
 const BUNDLE: usize = 256;
 
 /// The rays of each kind.
