@@ -1,7 +1,7 @@
 //! Boxes -> binary hierarchy -> eight-wide hierarchy.
 //!
 //! `obvhs` does the second step. Its own builder of the first (PLOC) needs quadratic time and makes a list instead of a tree where many boxes coincide, so
-//! this one is ours: top-down, by the binned surface area heuristic. [Wald07]
+//! this one is ours: top-down, by the binned surface area heuristic. [Wald07, binned SAH]
 
 use super::traverse::{MAX_DEPTH, Node};
 use glam::Vec3A;

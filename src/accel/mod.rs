@@ -87,12 +87,6 @@ enum Tracer {
     Bvh(bvh::Bvh),
 }
 
-/// Rays in a tracer's own layout.
-pub(crate) struct Packets(
-    #[cfg(feature = "embree")] crate::ffi::embree::Packets,
-    #[cfg(not(feature = "embree"))] std::convert::Infallible,
-);
-
 /// Calls the same function of whichever tracer there is.
 macro_rules! trace {
     ($self:ident, $tracer:ident => $call:expr) => {
@@ -154,22 +148,9 @@ impl Accel {
         trace!(self, tracer => tracer.occluded_packets(rays, blocked));
     }
 
-    /// Packets for [`Accel::trace_packets`]; `None` if the tracer has none.
-    pub(crate) fn lay_out_packets(&self, rays: &[Ray]) -> Option<Packets> {
-        match &self.tracer {
-            #[cfg(feature = "embree")]
-            Tracer::Embree(scene) => Some(Packets(scene.lay_out_packets(rays))),
-            Tracer::Bvh(_) => None,
-        }
-    }
-
-    /// Traces packets that were laid out before, without conversions: what the bench compares [`Accel::intersect_many`] to.
-    pub(crate) fn trace_packets(&self, packets: &mut Packets) {
-        match &self.tracer {
-            #[cfg(feature = "embree")]
-            Tracer::Embree(scene) => scene.trace_packets(&mut packets.0),
-            Tracer::Bvh(_) => {}
-        }
+    /// Seconds for the closest hits of `rays` without this interface around the tracer; `None` for the BVH, which has no other.
+    pub(crate) fn bare_seconds(&self, rays: &[Ray]) -> Option<f64> {
+        trace!(self, tracer => tracer.bare_seconds(rays))
     }
 
     /// Who traces.

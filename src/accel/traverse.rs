@@ -1,4 +1,4 @@
-//! The walk of a ray through an eight-wide hierarchy, after [Ylitie17].
+//! The walk of a ray through an eight-wide hierarchy, after [Ylitie17, octant-based traversal order].
 //!
 //! `obvhs` arranges the nodes; the walk is our own because its box test must not lose hits: `obvhs` ignores boxes nearer than 1e-4, replaces small
 //! direction components, and does not bound rounding errors, neither here nor when it packs boxes into bytes. Our nodes have the exact boxes, which costs
@@ -50,7 +50,7 @@ pub struct Walker {
     /// For each axis, where [`Node::planes`] has the planes that the ray meets first.
     near: [usize; 3],
     tmin: f32,
-    /// The order of children: number `i` is visited in the order of `i ^ octant`, highest first. [Ylitie17]
+    /// The order of children: number `i` is visited in the order of `i ^ octant`, highest first. [Ylitie17, octant-based traversal order]
     octant: u32,
 }
 
@@ -75,7 +75,7 @@ impl Walker {
     /// The children of `node` that the segment up to `tmax` may touch: inner children in the high byte in the order of their visit, primitives of leaf
     /// children in the lower 24 bits.
     ///
-    /// A distance has three roundings, so intervals that are longer by [Ize13]'s factor miss no box.
+    /// A distance has three roundings, so intervals that are longer by [Ize13, robust traversal]'s factor miss no box.
     #[inline]
     fn children(&self, node: &Node, tmax: f32) -> u32 {
         const LONGER: f32 = 1.0 + 3.0 * f32::EPSILON;

@@ -35,7 +35,7 @@ impl Triangle {
     ///
     /// With a, b the ends of an edge as seen from the ray's origin and d its direction, d · (a × b) = ½ d · ((a - b) × (a + b)) tells on which side of the
     /// edge the ray passes, and its value only changes sign when a and b are swapped: two triangles agree about their common edge, so no ray slips
-    /// between them. The three values are also the barycentric weights, times a common factor. [Davidovic12]
+    /// between them. The three values are also the barycentric weights, times a common factor. [Davidovic12, edge functions]
     /// The sides are taken in double precision, and a ray may pass outside by their rounding error: at a vertex, where all sides are about zero, the
     /// triangles around it could otherwise all lose the ray. Few triangles get that far.
     #[inline]

@@ -14,7 +14,7 @@ use std::time::Instant;
 pub struct Options {
     /// Rays of each kind.
     pub rays: usize,
-    /// Times that each measurement is repeated; the fastest counts.
+    /// Times that each batch of rays is traced and each hierarchy built; the fastest counts.
     pub repetitions: usize,
 }
 
@@ -78,7 +78,7 @@ pub struct Throughput {
     pub occlusion: f64,
 }
 
-/// Directions from one point in [`Workload::bundles`].
+/// Directions from one point in [`Workload::bundle`].
 const BUNDLE: usize = 256;
 
 /// The rays of each kind.
@@ -156,15 +156,33 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-fn seconds(work: impl FnOnce()) -> f64 {
+/// Rays that are timed together. The fastest of several repetitions counts for each batch, so that a disturbance costs one repetition of one batch.
+const BATCH: usize = 1 << 16;
+
+/// The kinds of rays, in the order of [`Throughput`]'s fields.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Camera,
+    Bundle,
+    Bounce,
+    Occlusion,
+}
+
+/// Seconds that `tracer` takes for one batch.
+fn seconds(tracer: &Accel, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mut [bool]) -> f64 {
     let start = Instant::now();
-    work();
+    match kind {
+        Kind::Camera => tracer.intersect_many(rays, Coherence::Camera, &mut hits[..rays.len()]),
+        Kind::Bundle => tracer.intersect_many(rays, Coherence::Bundle, &mut hits[..rays.len()]),
+        Kind::Bounce => rays.iter().zip(hits).for_each(|(ray, hit)| *hit = tracer.intersect(ray)),
+        Kind::Occlusion => tracer.occluded_many(rays, &mut blocked[..rays.len()]),
+    }
     start.elapsed().as_secs_f64()
 }
 
 /// Measures every back end of this build on `geometry`. `camera_rays` gives about as many rays as it is asked for, in the order of a renderer's tiles.
 ///
-/// The back ends take turns, so that a change of the machine's load meets all of them.
+/// The back ends take turns on each batch, so that a change of the machine's load meets all of them.
 ///
 /// # Errors
 /// What [`Accel::build`] returns.
@@ -175,34 +193,37 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
     let mut tracers = backends.iter().map(|&b| Accel::build(geometry, b)).collect::<Result<Vec<_>>>()?;
     let workload = Workload::new(geometry, &tracers[0], camera_rays(options.rays), options.rays);
 
-    let mut build = vec![f64::INFINITY; tracers.len()];
-    let mut trace = vec![[f64::INFINITY; 4]; tracers.len()];
-    let (mut bundled, mut bare) = (f64::INFINITY, None);
-    let longest =
-        [&workload.camera, &workload.bundle, &workload.bounce, &workload.occlusion].map(Vec::len).into_iter().max().unwrap_or(0);
-    let mut hits = vec![Hit::MISS; longest];
-    let mut blocked = vec![false; longest];
-    for _ in 0..options.repetitions {
+    let mut build: Vec<f64> = tracers.iter().map(Accel::build_seconds).collect();
+    for _ in 1..options.repetitions {
         for (i, tracer) in tracers.iter_mut().enumerate() {
             *tracer = Accel::build(geometry, backends[i])?;
             build[i] = build[i].min(tracer.build_seconds());
         }
-        for (i, tracer) in tracers.iter().enumerate() {
-            let Workload { camera, bundle, bounce, occlusion } = &workload;
-            let times = [
-                seconds(|| tracer.intersect_many(camera, Coherence::Camera, &mut hits[..camera.len()])),
-                seconds(|| tracer.intersect_many(bundle, Coherence::Bundle, &mut hits[..bundle.len()])),
-                seconds(|| bounce.iter().zip(&mut hits).for_each(|(ray, hit)| *hit = tracer.intersect(ray))),
-                seconds(|| tracer.occluded_many(occlusion, &mut blocked[..occlusion.len()])),
-            ];
-            for (best, time) in trace[i].iter_mut().zip(times) {
-                *best = best.min(time);
+    }
+
+    let mut trace = vec![[0.0; 4]; tracers.len()];
+    let mut bare = None;
+    let (mut hits, mut blocked) = (vec![Hit::MISS; BATCH], vec![false; BATCH]);
+    let kinds = [
+        (Kind::Camera, &workload.camera),
+        (Kind::Bundle, &workload.bundle),
+        (Kind::Bounce, &workload.bounce),
+        (Kind::Occlusion, &workload.occlusion),
+    ];
+    for (k, (kind, rays)) in kinds.into_iter().enumerate() {
+        for batch in rays.chunks(BATCH) {
+            let mut best = vec![f64::INFINITY; tracers.len()];
+            let mut best_bare = None;
+            for _ in 0..options.repetitions.max(1) {
+                for (best, tracer) in best.iter_mut().zip(&tracers) {
+                    *best = best.min(seconds(tracer, kind, batch, &mut hits, &mut blocked));
+                    if let Some(time) = (kind == Kind::Bundle).then(|| tracer.bare_seconds(batch)).flatten() {
+                        best_bare = Some(time.min(best_bare.unwrap_or(f64::INFINITY)));
+                    }
+                }
             }
-            if let Some(mut packets) = tracer.lay_out_packets(bundle) {
-                let time = seconds(|| tracer.trace_packets(&mut packets));
-                bare = Some(bare.unwrap_or(f64::INFINITY).min(time));
-                bundled = bundled.min(times[1]);
-            }
+            trace.iter_mut().zip(best).for_each(|(sum, best)| sum[k] += best);
+            bare = best_bare.map_or(bare, |time| Some(bare.unwrap_or(0.0) + time));
         }
     }
 
@@ -233,7 +254,7 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
         triangles: geometry.triangle_count(),
         rays,
         backends,
-        relative_to_bare_embree: bare.map(|bare| bare / bundled),
+        relative_to_bare_embree: bare.map(|bare| bare / trace[0][1]),
     })
 }
 

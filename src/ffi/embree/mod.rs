@@ -1,6 +1,6 @@
-//! Embree 3 or 4: devices and scenes here, rays in [`trace`]. Every call of an `rtc*` function is in this module.
+//! Embree 3 or 4: devices and scenes here, rays in `trace`. Every call of an `rtc*` function is in this module.
 //!
-//! The two major versions differ, for us, in how options reach the ray functions, which [`trace`] hides, and in the size of the hit structures,
+//! The two major versions differ, for us, in how options reach the ray functions, which `trace` hides, and in the size of the hit structures,
 //! which bindgen reads from the header that the build found.
 
 use crate::error::{Error, Result};
@@ -9,8 +9,6 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 mod trace;
-
-pub use trace::Packets;
 
 #[allow(
     non_camel_case_types,

@@ -2,6 +2,7 @@
 
 use super::{Scene, raw};
 use crate::ffi::ray::{Hit, Ray};
+use std::time::Instant;
 
 /// `RTC_INVALID_GEOMETRY_ID`, a cast that bindgen skips.
 const INVALID_ID: u32 = u32::MAX;
@@ -145,20 +146,26 @@ macro_rules! packets {
                 }
             }
 
-            /// Whole packets of `rays`; rays beyond the last whole packet and packets with an invalid ray are left out.
-            pub fn lay_out(rays: &[Ray]) -> Vec<raw::$RayHit> {
-                let lay_out = |rays: &[Ray]| {
-                    let mut packet = raw::$RayHit::default();
-                    packet.ray.mask = [u32::MAX; $n];
-                    packet.hit.geomID = [INVALID_ID; $n];
-                    packet.hit.instID = [[INVALID_ID; $n]];
-                    gather(rays, &mut packet.ray).0.iter().all(|&lane| lane != 0).then_some(packet)
-                };
-                rays.chunks_exact($n).filter_map(lay_out).collect()
+            pub fn bare_seconds(scene: &Scene, rays: &[Ray]) -> f64 {
+                let mut packets: Vec<_> = rays
+                    .chunks($n)
+                    .map(|rays| {
+                        let mut packet = raw::$RayHit::default();
+                        packet.ray.mask = [u32::MAX; $n];
+                        packet.hit.geomID = [INVALID_ID; $n];
+                        packet.hit.instID = [[INVALID_ID; $n]];
+                        (gather(rays, &mut packet.ray), packet)
+                    })
+                    .collect();
+                let start = Instant::now();
+                for (valid, packet) in &mut packets {
+                    trace(scene, valid, false, packet);
+                }
+                start.elapsed().as_secs_f64()
             }
 
             #[inline]
-            pub fn trace(scene: &Scene, valid: &Valid, coherent: bool, packet: &mut raw::$RayHit) {
+            fn trace(scene: &Scene, valid: &Valid, coherent: bool, packet: &mut raw::$RayHit) {
                 let mut options = options::intersect(coherent);
                 // SAFETY: the scene is committed, the rays that `valid` names are initialised, and `valid` has the alignment that Embree wants.
                 unsafe { call!($intersect(valid.0.as_ptr(), scene.handle; packet; &mut options)) };
@@ -169,14 +176,6 @@ macro_rules! packets {
 
 packets!(wide8, 8, RTCRay8, RTCRayHit8, rtcIntersect8, rtcOccluded8);
 packets!(wide16, 16, RTCRay16, RTCRayHit16, rtcIntersect16, rtcOccluded16);
-
-/// Rays that are laid out for [`Scene::trace_packets`].
-pub struct Packets(Lanes);
-
-enum Lanes {
-    Wide8(Vec<raw::RTCRayHit8>),
-    Wide16(Vec<raw::RTCRayHit16>),
-}
 
 impl Scene {
     /// The closest hit of one ray.
@@ -224,19 +223,12 @@ impl Scene {
         }
     }
 
-    /// Whole packets of `rays` in Embree's own form.
-    pub fn lay_out_packets(&self, rays: &[Ray]) -> Packets {
-        match self.width {
-            16 => Packets(Lanes::Wide16(wide16::lay_out(rays))),
-            _ => Packets(Lanes::Wide8(wide8::lay_out(rays))),
-        }
-    }
-
-    /// Traces packets where they lie, with nothing between the calls of Embree: the measure of what [`Scene::intersect_packets`] adds.
-    pub fn trace_packets(&self, packets: &mut Packets) {
-        match &mut packets.0 {
-            Lanes::Wide8(packets) => packets.iter_mut().for_each(|p| wide8::trace(self, &wide8::Valid([-1; 8]), false, p)),
-            Lanes::Wide16(packets) => packets.iter_mut().for_each(|p| wide16::trace(self, &wide16::Valid([-1; 16]), false, p)),
-        }
+    /// Seconds that Embree itself takes for `rays` when their packets are laid out before and nothing happens between its calls: the measure of what
+    /// [`Scene::intersect_packets`] adds.
+    pub fn bare_seconds(&self, rays: &[Ray]) -> Option<f64> {
+        Some(match self.width {
+            16 => wide16::bare_seconds(self, rays),
+            _ => wide8::bare_seconds(self, rays),
+        })
     }
 }
