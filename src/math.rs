@@ -44,13 +44,16 @@ impl Frame {
         Self { s, t, n }
     }
 
-    /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it; [`Frame::from_normal`] where they are parallel.
+    /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it; [`Frame::from_normal`] where they are within about 0.1° of parallel.
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
-        let s = tangent - n * n.dot(tangent);
-        match s.try_normalize() {
-            Some(s) if s.is_finite() => Self { s, t: n.cross(s), n },
-            _ => Self::from_normal(n),
+        let across = tangent - n * n.dot(tangent);
+        if !(across.length_squared() > 4e-6 * tangent.length_squared()) {
+            return Self::from_normal(n);
         }
+        // Cancellation leaves a little of n in a short difference: once more.
+        let s = across.normalize();
+        let s = (s - n * n.dot(s)).normalize();
+        Self { s, t: n.cross(s), n }
     }
 
     /// World to local: `(v·s, v·t, v·n)`.

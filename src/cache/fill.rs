@@ -48,6 +48,8 @@ struct Filling<'a> {
     level: u8,
     seed: u64,
     reach: Reach,
+    /// The reach when the level is filled.
+    shading_reach: Reach,
     records: Vec<Record>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
@@ -95,9 +97,12 @@ impl Cache {
 
     /// The finished level of `records`: their index with the reach that shading uses.
     fn finish(&self, level: u8, records: Vec<Record>) -> Level {
-        let reach = Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing);
-        let index = self.index(&records, reach);
+        let index = self.index(&records, self.shading_reach(level));
         Level { records, index }
+    }
+
+    fn shading_reach(&self, level: u8) -> Reach {
+        Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing)
     }
 
     fn index(&self, records: &[Record], reach: Reach) -> Index {
@@ -114,6 +119,7 @@ impl<'a> Filling<'a> {
             level,
             seed: hash(&[seed, u64::from(level)]),
             reach,
+            shading_reach: cache.shading_reach(level),
             records: Vec::new(),
             index: cache.index(&[], reach),
             indexed: 0,
@@ -231,6 +237,6 @@ impl<'a> Filling<'a> {
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
         let seed = hash(&[self.seed, p[0], p[1], p[2]]);
         samples.gather(self.probe, at, self.level, self.cache, seed);
-        Record::new(&self.cache.scheme, at, samples)
+        Record::new(&self.cache.scheme, &self.shading_reach, at, samples)
     }
 }

@@ -1,5 +1,6 @@
 //! The spatial index of records: an octree whose leaves list every record that may be valid in them.
 
+use super::fence::Fences;
 use super::record::{Reach, Record};
 use super::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
@@ -12,7 +13,12 @@ struct Entry {
     inverse_radius: f32,
     normal: Vec3,
     id: u32,
+    /// Index of its fences, `UNFENCED` if it has none.
+    fences: u32,
 }
+
+/// Marks a record without fences.
+const UNFENCED: u32 = u32::MAX;
 
 /// What extrapolation reads of a record.
 #[derive(Clone, Copy)]
@@ -43,6 +49,7 @@ pub struct Index {
     nodes: Vec<Node>,
     entries: Vec<Entry>,
     payloads: Vec<Payload>,
+    fences: Vec<Fences>,
     reach: Reach,
     normal_scale: f32,
     weight: Weight,
@@ -66,10 +73,17 @@ impl Index {
     pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
+        let mut fences = Vec::new();
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
             let (radius, gradient_scale) = reach.radius(r.length, r.footprint);
-            all.push(Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32 });
+            let mut entry =
+                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, fences: UNFENCED };
+            if !r.fences.planes().is_empty() {
+                entry.fences = fences.len() as u32;
+                fences.push(r.fences);
+            }
+            all.push(entry);
             payloads.push(Payload {
                 irradiance: r.irradiance,
                 rotation: r.rotation,
@@ -88,6 +102,7 @@ impl Index {
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
             payloads,
+            fences,
             reach,
             normal_scale: reach.normal_scale(),
             weight,
@@ -162,6 +177,9 @@ impl Index {
             }
             // A record in front of the point may see light that its surface keeps from the point.
             if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
+                continue;
+            }
+            if e.fences != UNFENCED && !self.fences[e.fences as usize].admit(at.position) {
                 continue;
             }
             visit(e, error);

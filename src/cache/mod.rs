@@ -5,12 +5,14 @@
 //! to the first, so a gather reads only finished caches.
 
 mod envelope;
+mod fence;
 mod fill;
 mod index;
 mod record;
 mod scheme;
 
 pub use envelope::{Envelope, Nearest};
+pub use fence::Fences;
 pub use fill::{FillStats, LevelPoints};
 pub use index::{Answer, Index};
 pub use record::{Reach, Record};

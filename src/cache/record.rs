@@ -1,5 +1,6 @@
 //! One cache record, how it is made from a gather, and how far it reaches.
 
+use super::fence::Fences;
 use super::scheme::{Kernel, Metric, Scheme};
 use crate::gather::HemisphereSamples;
 use crate::geometry::SurfacePoint;
@@ -29,11 +30,13 @@ pub struct Record {
     pub footprint: f32,
     /// Standard error of the luminance of `irradiance`.
     pub sigma: f32,
+    /// Planes behind which the record is not used.
+    pub fences: Fences,
 }
 
 impl Record {
-    /// The record of a gather at `at`.
-    pub fn new(scheme: &Scheme, at: &SurfacePoint, samples: &HemisphereSamples) -> Self {
+    /// The record of a gather at `at`, used as far as `reach` says.
+    pub fn new(scheme: &Scheme, reach: &Reach, at: &SurfacePoint, samples: &HemisphereSamples) -> Self {
         let irradiance = samples.irradiance();
         let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
         let gradient = samples.translational_gradient(scheme.translational_gradient);
@@ -53,6 +56,11 @@ impl Record {
                 length = length.min(value / slope);
             }
         }
+        let fences = if scheme.fences {
+            Fences::new(samples, at.position, reach.radius(length, at.footprint).0)
+        } else {
+            Fences::default()
+        };
         Self {
             position: at.position,
             normal: at.frame.n,
@@ -63,6 +71,7 @@ impl Record {
             length,
             footprint: at.footprint,
             sigma: samples.sigma(),
+            fences,
         }
     }
 }

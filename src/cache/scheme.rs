@@ -104,6 +104,8 @@ pub struct Scheme {
     pub max_radius: f32,
     /// Reject records that lie in front of the point.
     pub in_front_test: bool,
+    /// Do not use records behind surfaces that their own rays found inside their area.
+    pub fences: bool,
     /// Levels with a cache of their own: 1 caches what the camera sees, 2 also the points that light reaches those from, and so on. Light from beyond is path traced.
     pub levels: u8,
     /// 1: each point is shaded by the records that exist when its round ends; 2: the cache is filled first, then everything is shaded by it.
@@ -164,6 +166,7 @@ fn ward88() -> Scheme {
         max_pixels: 0.0,
         max_radius: 0.1,
         in_front_test: true,
+        fences: false,
         levels: 3,
         passes: 1,
         order: Order::Scanline,
@@ -224,6 +227,8 @@ fn auto() -> Scheme {
         nearest_fraction: 0.02,
         nearest_scale: 4.0,
         smoothing: 1.5,
+        min_pixels: 3.0,
+        fences: true,
         ..ward_heckbert92()
     }
 }

@@ -18,7 +18,7 @@ pub struct Drawn {
 const COLORS: [Color; 4] =
     [Color::new(1.0, 0.8, 0.0), Color::new(0.0, 0.9, 1.0), Color::new(1.0, 0.1, 0.8), Color::new(0.2, 1.0, 0.2)];
 /// Points of an outline.
-const OUTLINE: usize = 64;
+const OUTLINE: usize = 48;
 
 /// Draws the records of all levels that the camera sees; those hidden behind what it sees are left out.
 pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
