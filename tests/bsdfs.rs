@@ -69,12 +69,12 @@ pub fn matte(albedo: Color) -> Material {
 
 /// A metal.
 pub fn metal(color: Color, roughness: f32) -> Material {
-    Material { base_color: color, roughness, ..Material::default() }
+    Material { base_color: color, roughness, multiple_scattering: true, ..Material::default() }
 }
 
 /// A dielectric over a diffuse base.
 pub fn plastic(color: Color, roughness: f32) -> Material {
-    Material { base_color: color, roughness, metallic: 0.0, ..Material::default() }
+    Material { metallic: 0.0, ..metal(color, roughness) }
 }
 
 /// Solid glass.

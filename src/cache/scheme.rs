@@ -229,6 +229,9 @@ fn auto() -> Scheme {
         smoothing: 1.5,
         min_pixels: 3.0,
         fences: true,
+        // A deeper level that is as careful as the first keeps the mean within 0.2 % on the Cornell box; 1.5 times the error, as elsewhere, costs 0.6 %.
+        deeper_error: 1.0,
+        levels: 2,
         ..ward_heckbert92()
     }
 }
