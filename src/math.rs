@@ -47,7 +47,9 @@ impl Frame {
     /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it; [`Frame::from_normal`] where they are within about 0.1° of parallel.
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
         let across = tangent - n * n.dot(tangent);
-        if !(across.length_squared() > 4e-6 * tangent.length_squared()) {
+        // Also where the tangent is zero or no number.
+        let apart = across.length_squared() > 4e-6 * tangent.length_squared();
+        if !apart {
             return Self::from_normal(n);
         }
         // Cancellation leaves a little of n in a short difference: once more.

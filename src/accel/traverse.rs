@@ -31,7 +31,7 @@ pub struct Node {
 impl Node {
     /// The node as `packed` arranges it, with the given boxes of its children; empty ones where there is no child.
     pub fn new(packed: &CwBvhNode, children: &[Aabb; 8]) -> Self {
-        let plane = |k: usize| children.map(|bounds| if k % 2 == 0 { bounds.min[k / 2] } else { bounds.max[k / 2] });
+        let plane = |k: usize| children.map(|bounds| if k.is_multiple_of(2) { bounds.min[k / 2] } else { bounds.max[k / 2] });
         Self {
             planes: std::array::from_fn(plane),
             first_child: packed.child_base_idx,

@@ -132,9 +132,8 @@ mod tests {
                 let mut values: Vec<_> = sites.iter().map(|(p, r)| r + (x - *p).length()).collect();
                 values.sort_by(f32::total_cmp);
                 let best = envelope.lowest_two(x);
-                for k in 0..2 {
-                    assert_eq!(best[k].value, values.get(k).copied().unwrap_or(f32::INFINITY));
-                }
+                values.extend([f32::INFINITY; 2]);
+                assert_eq!(best.map(|n| n.value), [values[0], values[1]]);
             }
         }
     }

@@ -60,7 +60,7 @@ pub fn presets(as_json: bool) -> Result<()> {
 }
 
 pub fn compare(arguments: &Compare) -> Result<()> {
-    let options = Options { channel_prefix: arguments.channel_prefix.clone(), ..Options::default() };
+    let options = Options { channel_prefix: arguments.channel_prefix.clone() };
     let comparison = compare::compare_files(&arguments.image, &arguments.reference, &options)?;
     if let Some(path) = &arguments.flip {
         comparison.write_flip_map(path)?;

@@ -41,7 +41,10 @@ type Plane = Vec<f32>;
 /// # Panics
 /// When the pictures differ in length or `width` does not divide it.
 pub fn flip(reference: &[Color], test: &[Color], width: usize, pixels_per_degree: f32) -> Vec<f32> {
-    assert!(reference.len() == test.len() && width > 0 && reference.len() % width == 0, "two pictures of {width} columns");
+    assert!(
+        reference.len() == test.len() && width > 0 && reference.len().is_multiple_of(width),
+        "two pictures of {width} columns"
+    );
     let (reference, test) =
         rayon::join(|| Seen::new(reference, width, pixels_per_degree), || Seen::new(test, width, pixels_per_degree));
     let largest = hyab(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0])).powf(Q_C);

@@ -263,10 +263,10 @@ fn fits(json: &Json, buffers: &Buffers, view: usize, offset: u64, count: u64, la
             format!("{count} elements of {element} bytes from {offset} on do not fit the {} bytes of {}", view.length, view.path);
         return Err(json.fault(what));
     }
-    if offset % size != 0 || (view.offset + offset) % size != 0 {
+    if !offset.is_multiple_of(size) || !(view.offset + offset).is_multiple_of(size) {
         return Err(json.fault_at("byteOffset", format!("the data does not begin at a multiple of the component's {size} bytes")));
     }
-    if layout.shape.is_matrix() && offset % 4 != 0 {
+    if layout.shape.is_matrix() && !offset.is_multiple_of(4) {
         return Err(json.fault_at("byteOffset", "matrices must begin at a multiple of 4 bytes"));
     }
     Ok(())

@@ -13,11 +13,11 @@ pub(super) fn check(root: &Json, warnings: &mut Vec<String>) -> Parsed<()> {
     if version.0 != 2 {
         return Err(asset.fault_at("version", format!("glTF version {}.{}; only version 2 is read", version.0, version.1)));
     }
-    if let Some(least) = self::version(&asset, "minVersion")? {
-        if least > version {
-            let what = format!("{}.{} exceeds the version {}.{}", least.0, least.1, version.0, version.1);
-            return Err(asset.fault_at("minVersion", what));
-        }
+    if let Some(least) = self::version(&asset, "minVersion")?
+        && least > version
+    {
+        let what = format!("{}.{} exceeds the version {}.{}", least.0, least.1, version.0, version.1);
+        return Err(asset.fault_at("minVersion", what));
     }
     if version.1 > 0 {
         warnings.push(format!("the file is written for glTF {}.{}; what is newer than 2.0 is not read", version.0, version.1));

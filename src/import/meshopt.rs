@@ -93,7 +93,7 @@ impl<'a> Compressed<'a> {
         if !stride_fits {
             return Err(json.fault_at("byteStride", format!("{stride} does not suit the mode")));
         }
-        if *mode == Mode::Triangles && self.count % 3 != 0 {
+        if *mode == Mode::Triangles && !self.count.is_multiple_of(3) {
             return Err(json.fault_at("count", format!("{} is not a multiple of 3", self.count)));
         }
         let filter_fits = match filter {

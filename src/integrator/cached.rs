@@ -8,11 +8,34 @@ use crate::cache::Cache;
 use crate::gather::Deeper;
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Shades camera samples by a filled cache.
 pub struct CachedIntegrator<'a> {
     tracer: PathTracer<'a>,
     cache: &'a Cache,
+    interpolate_ns: AtomicU64,
+    direct_ns: AtomicU64,
+}
+
+/// Every so many samples the parts of shading are timed, which costs too much to do always.
+const TIMED: usize = 32;
+
+/// Nanoseconds that parts of shading took.
+#[derive(Default)]
+struct Spent {
+    interpolate: u64,
+    direct: u64,
+}
+
+/// Runs `f`, and adds the nanoseconds it took to `spent` if there is one.
+fn timed<T>(spent: Option<&mut u64>, f: impl FnOnce() -> T) -> T {
+    let Some(spent) = spent else { return f() };
+    let start = Instant::now();
+    let out = f();
+    *spent += start.elapsed().as_nanos() as u64;
+    out
 }
 
 /// A shadow ray under way, for the sample `sample`.
@@ -26,7 +49,12 @@ struct Pending {
 impl<'a> CachedIntegrator<'a> {
     /// Shading by `cache`, whose levels are filled.
     pub fn new(tracer: PathTracer<'a>, cache: &'a Cache) -> Self {
-        Self { tracer, cache }
+        Self { tracer, cache, interpolate_ns: AtomicU64::new(0), direct_ns: AtomicU64::new(0) }
+    }
+
+    /// Thread seconds spent on cache lookups and on direct light so far, estimated from every 32nd sample.
+    pub fn seconds(&self) -> [f64; 2] {
+        [&self.interpolate_ns, &self.direct_ns].map(|ns| ns.load(Ordering::Relaxed) as f64 * 1e-9)
     }
 
     /// Shades `samples`; the results are in their order and do not depend on how samples are grouped into calls.
@@ -38,17 +66,22 @@ impl<'a> CachedIntegrator<'a> {
 
         let mut shadows = Vec::with_capacity(rays.len());
         let mut pending = Vec::with_capacity(rays.len());
+        let mut spent = Spent::default();
         out.clear();
         for ((sample, ray), hit) in samples.iter().zip(&rays).zip(&hits) {
             let number = out.len();
-            out.push(self.shade_one(sample, ray, *hit, |shadow, light, first| {
+            let clock = (number % TIMED == 0).then_some(&mut spent);
+            out.push(self.shade_one(sample, ray, *hit, clock, |shadow, light, first| {
                 shadows.push(shadow);
                 pending.push(Pending { sample: number, light, first });
             }));
         }
+        self.interpolate_ns.fetch_add(spent.interpolate * TIMED as u64, Ordering::Relaxed);
+        let mut shadow_ns = 0;
 
         let mut blocked = vec![false; shadows.len()];
-        scene.occluded_many(&shadows, &mut blocked, samples.first().map_or(0, |s| s.seed));
+        timed(Some(&mut shadow_ns), || scene.occluded_many(&shadows, &mut blocked));
+        self.direct_ns.fetch_add(spent.direct * TIMED as u64 + shadow_ns, Ordering::Relaxed);
         for (p, blocked) in pending.iter().zip(blocked) {
             if !blocked {
                 let radiance = &mut out[p.sample].radiance;
@@ -62,7 +95,14 @@ impl<'a> CachedIntegrator<'a> {
         }
     }
 
-    fn shade_one(&self, sample: &CameraSample, ray: &Ray, hit: Hit, mut shadow: impl FnMut(Ray, Reflected, bool)) -> Shaded {
+    fn shade_one(
+        &self,
+        sample: &CameraSample,
+        ray: &Ray,
+        hit: Hit,
+        mut clock: Option<&mut Spent>,
+        mut shadow: impl FnMut(Ray, Reflected, bool),
+    ) -> Shaded {
         let scene = self.tracer.scene;
         let mut out = Shaded::default();
         let mut sampler = sample.sampler.clone();
@@ -90,7 +130,8 @@ impl<'a> CachedIntegrator<'a> {
                 out.surface = Some(Surface::new(&point, &bsdf, distance));
             }
 
-            let cached = self.cached(&vertex, bounces, sample.limit, &mut out);
+            let cached =
+                timed(clock.as_mut().map(|c| &mut c.interpolate), || self.cached(&vertex, bounces, sample.limit, &mut out));
             let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
             if let Some(indirect) = cached {
                 if bounces == 0 {
@@ -99,7 +140,8 @@ impl<'a> CachedIntegrator<'a> {
                     out.radiance.glossy_indirect += beta * indirect;
                 }
             }
-            if let Some((ray, light)) = self.tracer.light(&vertex, &mut sampler, sampled) {
+            let light = timed(clock.as_mut().map(|c| &mut c.direct), || self.tracer.light(&vertex, &mut sampler, sampled));
+            if let Some((ray, light)) = light {
                 shadow(ray, light.scaled(beta), bounces == 0);
             }
             let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };

@@ -145,6 +145,14 @@ pub enum Integrator<'a> {
 }
 
 impl Integrator<'_> {
+    /// Thread seconds spent on cache lookups and on direct light; zero where they are not told apart.
+    pub fn seconds(&self) -> [f64; 2] {
+        match self {
+            Self::Path(_) => [0.0; 2],
+            Self::Cached(cached) => cached.seconds(),
+        }
+    }
+
     /// Shades `samples` into `out`, in their order.
     pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>) {
         match self {

@@ -131,11 +131,11 @@ impl PathTracer<'_> {
         let bsdf = self.scene.shade(&mut point);
         out.surface = Some(Surface::new(&point, &bsdf, distance));
         let vertex = Vertex { point, bsdf };
-        if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything) {
-            if !self.scene.occluded(&shadow, shadow_seed(seed, 0)) {
-                out.radiance.diffuse_direct = lit.diffuse;
-                out.radiance.glossy_direct = lit.glossy;
-            }
+        if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything)
+            && !self.scene.occluded(&shadow, shadow_seed(seed, 0))
+        {
+            out.radiance.diffuse_direct = lit.diffuse;
+            out.radiance.glossy_direct = lit.glossy;
         }
         if let Some((scattered, next)) = self.scatter(&vertex, &mut sampler, Sampled::Everything) {
             let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.origin() };
@@ -181,10 +181,10 @@ impl PathTracer<'_> {
 
             let step = self.step(&vertex, sampler, bounces, deeper);
             light.indirect += beta * step.cached;
-            if let Some((shadow, lit)) = step.light {
-                if !self.scene.occluded(&shadow, shadow_seed(seed, bounces)) {
-                    light.indirect += beta * lit.sum();
-                }
+            if let Some((shadow, lit)) = step.light
+                && !self.scene.occluded(&shadow, shadow_seed(seed, bounces))
+            {
+                light.indirect += beta * lit.sum();
             }
             let Some((sample, next)) = step.next else { return light };
             beta *= sample.weight;
@@ -327,10 +327,10 @@ pub(super) fn reflected(
         return None;
     }
     let mut radiance = light.radiance;
-    if let LightSource::Triangle { instance, triangle, u, v } = light.source {
-        if scene.emission_is_textured(instance) {
-            radiance = scene.emission_at(instance, triangle, u, v, light.wi);
-        }
+    if let LightSource::Triangle { instance, triangle, u, v } = light.source
+        && scene.emission_is_textured(instance)
+    {
+        radiance = scene.emission_at(instance, triangle, u, v, light.wi);
     }
     let weight = |pdf: f32| if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
     let (for_diffuse, for_glossy) = match sampled {

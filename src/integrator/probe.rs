@@ -98,7 +98,7 @@ impl RadianceProbe for SceneProbe<'_> {
         }
 
         let mut blocked = vec![false; shadows.len()];
-        scene.occluded_many(&shadows, &mut blocked, bundle.seed);
+        scene.occluded_many(&shadows, &mut blocked);
         for ((k, radiance), blocked) in lit.into_iter().zip(blocked) {
             if !blocked {
                 bundle.radiance[k] += finite(radiance);

@@ -31,6 +31,8 @@ pub struct Frame {
     pub fill: Vec<FillStats>,
     /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
     pub gathered: [u64; 3],
+    /// Thread seconds of rendering spent on cache lookups and on direct light.
+    pub shading_seconds: [f64; 2],
     /// The frame was cancelled and holds the samples so far.
     pub cancelled: bool,
 }
@@ -52,6 +54,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
         cache: None,
         fill: Vec::new(),
         gathered: [0; 3],
+        shading_seconds: [0.0; 2],
         cancelled: false,
     };
     let mut limits = None;
@@ -72,6 +75,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
             None => Integrator::Path(tracer),
         };
         frame.cancelled = render(&integrator, settings, limits.as_deref(), &mut frame.film, progress, watcher);
+        frame.shading_seconds = integrator.seconds();
     }
     clock.stop();
     Ok(frame)

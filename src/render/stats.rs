@@ -28,8 +28,13 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
             })
             .collect()
     });
+    // Parts of rendering that run on all threads at once: their thread seconds, and the wall seconds that is on average.
+    let mut phases = clock.to_json();
+    for (name, seconds) in ["interpolate", "direct"].into_iter().zip(frame.shading_seconds) {
+        phases[name] = json!({"seconds": seconds / threads as f64, "cpu_seconds": seconds});
+    }
     json!({
-        "phases": clock.to_json(),
+        "phases": phases,
         "seconds": clock.total_seconds(),
         "rays": {"camera": samples, "gather": bundle, "gather_shadow": shadow, "gather_paths": paths},
         "records": levels.iter().filter_map(|l| l["records"].as_u64()).sum::<u64>(),

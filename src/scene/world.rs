@@ -202,12 +202,14 @@ impl Scene {
         self.accel.occluded(ray) && (!self.any_see_through || self.intersect(ray, seed).is_some())
     }
 
-    /// [`Scene::occluded`] of many rays, `seed` mixed with each ray's number.
-    pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool], seed: u64) {
+    /// [`Scene::occluded`] of many rays. Each ray's own numbers decide at partly transparent surfaces, so the answers do not depend on the company it is in.
+    pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
         self.accel.occluded_many(rays, blocked);
         if self.any_see_through {
-            for (k, (ray, blocked)) in rays.iter().zip(blocked).enumerate() {
-                *blocked = *blocked && self.intersect(ray, hash(&[seed, k as u64])).is_some();
+            for (ray, blocked) in rays.iter().zip(blocked).filter(|(_, blocked)| **blocked) {
+                let bits = |v: Vec3| v.to_array().map(|x| u64::from(x.to_bits()));
+                let ([a, b, c], [d, e, f]) = (bits(ray.origin), bits(ray.dir));
+                *blocked = self.intersect(ray, hash(&[a, b, c, d, e, f])).is_some();
             }
         }
     }
