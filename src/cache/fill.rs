@@ -4,7 +4,7 @@ use super::{Cache, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::{HemisphereSamples, RadianceProbe};
 use crate::geometry::SurfacePoint;
-use crate::math::Vec3;
+use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
 use crate::sampling::hash;
 use rayon::prelude::*;
@@ -40,6 +40,9 @@ const CONFLICT: f32 = 0.7;
 const BATCH: usize = 256;
 /// A record whose R_i exceeds this multiple of what two neighbours allow has missed what they saw.
 const LEAK: f32 = 4.0;
+
+/// A noisy record is gathered again with this multiple of the rays.
+const MORE_RAYS: u32 = 4;
 
 /// One level while it fills.
 struct Filling<'a> {
@@ -234,9 +237,16 @@ impl<'a> Filling<'a> {
     }
 
     fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {
+        let scheme = &self.cache.scheme;
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
         let seed = hash(&[self.seed, p[0], p[1], p[2]]);
         samples.gather(self.probe, at, self.level, self.cache, seed);
-        Record::new(&self.cache.scheme, &self.shading_reach, at, samples)
+        if scheme.noise > 0.0 && samples.sigma() > scheme.noise * luminance(samples.irradiance()) {
+            let rays = MORE_RAYS * samples.layout().rays() as u32;
+            let mut more = HemisphereSamples::new(samples.layout().with_rays(rays), scheme.density);
+            more.gather(self.probe, at, self.level, self.cache, hash(&[seed, 1]));
+            return Record::new(scheme, &self.shading_reach, at, &more);
+        }
+        Record::new(scheme, &self.shading_reach, at, samples)
     }
 }

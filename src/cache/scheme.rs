@@ -72,6 +72,8 @@ pub struct Scheme {
     pub rays: u32,
     /// Factor on `rays` from one level to the next deeper one.
     pub deeper_rays: f32,
+    /// A record whose relative standard error exceeds this is gathered again with four times the rays; 0 means never.
+    pub noise: f32,
     /// What R_i is.
     pub metric: Metric,
     /// Upper bound of R_i: the mean distance of this nearest fraction of the rays, times `nearest_scale`; 0 switches it off.
@@ -150,6 +152,7 @@ fn ward88() -> Scheme {
         density: Density::Cosine,
         rays: 1024,
         deeper_rays: 0.25,
+        noise: 0.0,
         metric: Metric::Harmonic,
         nearest_fraction: 0.0,
         nearest_scale: 1.0,
@@ -222,11 +225,15 @@ fn scotty3d() -> Scheme {
 
 fn auto() -> Scheme {
     Scheme {
+        rays: 512,
+        deeper_rays: 0.5,
+        noise: 0.05,
+        error: 0.4,
         weight: Weight::Hat,
         neighbour_clamp: true,
         nearest_fraction: 0.02,
         nearest_scale: 4.0,
-        smoothing: 1.5,
+        smoothing: 2.0,
         min_pixels: 3.0,
         fences: true,
         // A deeper level that is as careful as the first keeps the mean within 0.2 % on the Cornell box; 1.5 times the error, as elsewhere, costs 0.6 %.
@@ -265,7 +272,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "auto",
         source: "Lumicache",
-        summary: "ward-heckbert92 with neighbour clamping, bounded radii and smooth weights (default)",
+        summary: "ward-heckbert92 with neighbour clamping, fences, bounded radii and smooth weights (default)",
         scheme: auto,
     },
 ];
@@ -336,9 +343,12 @@ impl Scheme {
         if !(self.smoothing >= 1.0 && self.smoothing <= 10.0) {
             return fail("setting `smoothing` must be between 1 and 10");
         }
-        for (name, value) in
-            [("min_pixels", self.min_pixels), ("max_pixels", self.max_pixels), ("nearest_fraction", self.nearest_fraction)]
-        {
+        for (name, value) in [
+            ("noise", self.noise),
+            ("min_pixels", self.min_pixels),
+            ("max_pixels", self.max_pixels),
+            ("nearest_fraction", self.nearest_fraction),
+        ] {
             if !not_negative(value) {
                 return fail(&format!("setting `{name}` must not be negative"));
             }
