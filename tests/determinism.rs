@@ -16,8 +16,7 @@ fn still_life(backend: Backend) -> Scene {
 
 /// The whole file that a render on `threads` threads leaves, all layers.
 fn file(scene: &Scene, settings: &Settings, threads: usize) -> Vec<u8> {
-    let pool =
-        rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(|_| mxcsr::flush_denormals()).build().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(|_| mxcsr::flush_denormals()).build().unwrap();
     let frame = pool.install(|| render(scene, settings));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.exr");
@@ -39,7 +38,10 @@ fn threads_do_not_change_a_byte() {
         for (what, settings) in all {
             let one = file(&scene, &settings, 1);
             for threads in [2, 3, 8] {
-                assert!(file(&scene, &settings, threads) == one, "{what} on {backend}: {threads} threads make another file than 1");
+                assert!(
+                    file(&scene, &settings, threads) == one,
+                    "{what} on {backend}: {threads} threads make another file than 1"
+                );
             }
             // The comparison can fail.
             assert!(file(&scene, &Settings { seed: 1, ..settings }, 2) != one, "{what} on {backend}: the seed changes nothing");

@@ -42,7 +42,8 @@ fn cube(material: Material) -> SceneData {
 
 /// A square of side 2 in the plane y = 0, seen from above.
 fn plane(material: Material) -> SceneData {
-    let positions = vec![Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, -1.0)];
+    let positions =
+        vec![Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, -1.0)];
     let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [0, 2, 3]], ..TriangleMesh::default() };
     scene_of(mesh, material, Vec3::new(0.0, 1.0, 0.2), Vec3::ZERO)
 }
@@ -56,8 +57,7 @@ fn scene_of(mesh: TriangleMesh, material: Material, eye: Vec3, target: Vec3) -> 
         aspect: None,
         to_world: Affine3A::from_mat3_translation(Mat3::from_cols(right, back.cross(right), back), eye),
     };
-    let geometry =
-        Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] };
+    let geometry = Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] };
     SceneData { geometry, materials: vec![material], cameras: vec![camera], ..SceneData::default() }
 }
 
@@ -168,8 +168,7 @@ fn gloss_neither_makes_nor_loses_light() {
         let scene = furnace(material);
         let path = render(&scene, &settings(&scene, IntegratorKind::Path, SIZE, 64));
         let cache = render(&scene, &cached(&scene, "auto", SIZE, 64));
-        let [traced, interpolated] =
-            [&path, &cache].map(|frame| average(frame.film.radiance().into_iter()) / expected(u32::MAX));
+        let [traced, interpolated] = [&path, &cache].map(|frame| average(frame.film.radiance().into_iter()) / expected(u32::MAX));
         assert!(traced.min_element() > low && traced.max_element() < high, "{what}: {traced}");
         let ratio = interpolated / traced;
         assert!((ratio - Color::ONE).abs().max_element() < 0.01, "{what}: cache over path {ratio}");

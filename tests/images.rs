@@ -1,6 +1,6 @@
 //! Whole pictures against references: those of another renderer, and our own path tracer's.
 
-use crate::pictures::{assert_alike, beauty, build, cached, difference, load, own, render, settings, window};
+use crate::pictures::{assert_alike, beauty, blocks, build, cached, difference, load, own, render, settings, window};
 use crate::testdata;
 use lumicache::cache::PRESETS;
 use lumicache::film::LAYERS;
@@ -9,7 +9,6 @@ use lumicache::light::EnvironmentMap;
 use lumicache::math::Color;
 use lumicache::render::{Facts, IntegratorKind, Selection, Settings, write_exr};
 use lumicache::scene::Scene;
-use lumicache::scene::SceneData;
 
 /// A converged picture of another renderer, with its scene and the relMSE of its own noise.
 struct Reference {
@@ -37,8 +36,8 @@ impl Reference {
 fn the_path_tracer_has_the_reference_s_mean() {
     for name in ["cornell_diffuse", "cornell_glossy"] {
         let Some(r) = Reference::find(name) else { return };
-        let image = beauty(&render(&r.scene, &settings(&r.scene, IntegratorKind::Path, r.size(), 8)));
-        // The standard error of the mean is below 0.1 %. relMSE at 8 samples only shows that it is the same picture.
+        let image = beauty(&render(&r.scene, &settings(&r.scene, IntegratorKind::Path, r.size(), 4)));
+        // The standard error of the mean is below 0.1 %. relMSE at 4 samples only shows that it is the same picture.
         assert_alike(&format!("{name} path"), &image, &r.picture, r.noise, 0.05, 0.005);
     }
 }
@@ -53,10 +52,9 @@ fn the_path_tracer_s_error_falls_as_one_over_n() {
             let settings = Settings { window: part, ..settings(&r.scene, IntegratorKind::Path, r.size(), spp) };
             difference(&beauty(&render(&r.scene, &settings)), &reference).relmse - r.noise
         });
-        eprintln!("{name}: {relmse:?}");
-        for (coarse, fine) in relmse.iter().zip(&relmse[1..]) {
-            assert!(fine * 4.0 < coarse * 1.1, "{name}: relMSE {relmse:?} at 4, 16 and 64 samples");
-        }
+        // A quarter at each step but for a few rare bright samples, a sixteenth from end to end.
+        let falls = relmse[1] * 3.0 < relmse[0] && relmse[2] * 3.0 < relmse[1] && relmse[2] * 16.0 < relmse[0] * 1.1;
+        assert!(falls, "{name}: relMSE {relmse:?} at 4, 16 and 64 samples");
     }
 }
 
@@ -64,20 +62,32 @@ fn the_path_tracer_s_error_falls_as_one_over_n() {
 fn presets_come_near_the_reference() {
     let Some(r) = Reference::find("cornell_diffuse") else { return };
     for preset in ["ward-heckbert92", "tabellion04", "auto"] {
-        let image = beauty(&render(&r.scene, &cached(&r.scene, preset, r.size(), 16)));
+        let image = beauty(&render(&r.scene, &cached(&r.scene, preset, r.size(), 4)));
         assert_alike(&format!("cornell_diffuse {preset}"), &image, &r.picture, r.noise, 1e-3, 0.01);
     }
 }
 
 #[test]
 fn presets_come_near_the_path_tracer() {
-    // The share by which the mean may be off, and relMSE, by scene: small pictures, whose records are few and far between.
-    for (name, size, relmse, mean) in [("cornell-box", [96, 96], 1e-2, 0.01), ("indirect-room", [96, 54], 2e-2, 0.015)] {
+    // So few rays and pixels leave the room's mean to chance: 1.5 % between seeds, and 2 % of bias without gradients.
+    // Means over blocks of 4 x 4 pixels, which quiet the path tracer: what is left of its noise is taken off.
+    for (name, size, relmse, mean) in [("cornell-box", [64, 64], 6e-4, 0.01), ("indirect-room", [96, 54], 1.2e-2, 0.05)] {
         let scene = build(own(name));
-        let reference = beauty(&render(&scene, &settings(&scene, IntegratorKind::Path, size, 256)));
+        let half = |seed| {
+            let settings = Settings { seed, ..settings(&scene, IntegratorKind::Path, size, 64) };
+            blocks(&beauty(&render(&scene, &settings)), 4)
+        };
+        let (mut reference, other) = (half(1), half(2));
+        // The variance of the mean of two is a quarter of their squared difference.
+        let noise = 0.25 * difference(&reference, &other).relmse;
+        for (a, b) in reference.channels.iter_mut().zip(&other.channels) {
+            a.samples.iter_mut().zip(&b.samples).for_each(|(a, b)| *a = 0.5 * (*a + b));
+        }
         for preset in PRESETS {
-            let image = beauty(&render(&scene, &cached(&scene, preset.name, size, 16)));
-            assert_alike(&format!("{name} {}", preset.name), &image, &reference, 0.0, relmse, mean);
+            let mut settings = cached(&scene, preset.name, size, 8);
+            settings.scheme.rays = settings.scheme.rays.min(256);
+            let image = blocks(&beauty(&render(&scene, &settings)), 4);
+            assert_alike(&format!("{name} {}", preset.name), &image, &reference, noise, relmse, mean);
         }
     }
 }
@@ -87,9 +97,11 @@ const PARTS: [&str; 5] = ["diffuse_direct", "diffuse_indirect", "glossy_direct",
 
 #[test]
 fn the_five_parts_sum_to_the_beauty() {
-    // Diffuse, glossy, coated and transparent things, lamps that are seen, and a sky behind them.
-    let environment = Some(EnvironmentMap::constant(Color::new(0.1, 0.2, 0.3)));
-    let scene = build(SceneData { environment, ..own("glossy-still-life") });
+    // Diffuse, glossy, coated and transparent things under lamps and a sky; the things glow a little, since the lamps are out of sight.
+    let mut data = own("glossy-still-life");
+    data.environment = Some(EnvironmentMap::constant(Color::new(0.1, 0.2, 0.3)));
+    data.materials.iter_mut().for_each(|m| m.emission += 0.01);
+    let scene = build(data);
     let path = settings(&scene, IntegratorKind::Path, [60, 40], 4);
     for settings in [path, cached(&scene, "auto", [60, 40], 4), cached(&scene, "ward88", [60, 40], 4)] {
         let what = format!("{} {}", settings.integrator.name(), settings.describe());

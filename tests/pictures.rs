@@ -4,6 +4,7 @@ use lumicache::accel::Backend;
 use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
 use lumicache::camera::Camera;
 use lumicache::compare::{Options, Report, compare};
+use lumicache::film::LAYERS;
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::import;
@@ -85,15 +86,15 @@ pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, Fill
     (cache, stats)
 }
 
-/// The beauty of a frame.
+/// The beauty of a frame. Alpha is 0 where it shows a lamp or the background: the edges of a lamp would be most of any error.
 pub fn beauty(frame: &Frame) -> Layers {
     let [width, height] = frame.film.window_size();
     let pixels = frame.film.radiance();
-    let channel = |k: usize, name: &str| {
-        let samples = pixels.iter().map(|c| c[k]).collect();
-        Channel { name: name.to_owned(), kind: SampleKind::Float, samples }
-    };
-    let channels = ["R", "G", "B"].iter().enumerate().map(|(k, name)| channel(k, name)).collect();
+    let channel = |name: &str, samples| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };
+    let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
+    let emission = &frame.film.channels(LAYERS.iter().find(|l| l.name == "emission").unwrap());
+    let alpha = (0..pixels.len()).map(|p| if emission.iter().all(|c| c[p] == 0.0) { 1.0 } else { 0.0 }).collect();
+    let channels = vec![channel("R", color(0)), channel("G", color(1)), channel("B", color(2)), channel("A", alpha)];
     Layers { width, height, channels, ..Layers::default() }
 }
 
@@ -110,6 +111,18 @@ pub fn window(layers: &Layers, [x0, y0, x1, y1]: [u32; 4]) -> Layers {
     Layers { width: x1 - x0, height: y1 - y0, channels, ..Layers::default() }
 }
 
+/// Means over squares of `side` pixels; what is left over at the right and at the bottom is dropped. Alpha 0 spreads over its square.
+pub fn blocks(layers: &Layers, side: u32) -> Layers {
+    let (width, height) = (layers.width / side, layers.height / side);
+    let square = |c: &Channel, b: u32| {
+        let pixels = (0..side * side).map(|k| (b / width * side + k / side) * layers.width + b % width * side + k % side);
+        let samples = pixels.map(|p| c.samples[p as usize]);
+        if c.name == "A" { samples.fold(1.0, f32::min) } else { samples.sum::<f32>() / (side * side) as f32 }
+    };
+    let mean = |c: &Channel| Channel { samples: (0..width * height).map(|b| square(c, b)).collect(), ..c.clone() };
+    Layers { width, height, channels: layers.channels.iter().map(mean).collect(), ..Layers::default() }
+}
+
 /// How far `image` is from `reference`.
 pub fn difference(image: &Layers, reference: &Layers) -> Report {
     compare(image, reference, &Options::default()).unwrap()
@@ -120,7 +133,8 @@ pub fn difference(image: &Layers, reference: &Layers) -> Report {
 pub fn assert_alike(name: &str, image: &Layers, reference: &Layers, noise: f64, relmse: f64, mean: f64) {
     let report = difference(image, reference);
     let ratio = report.mean_ratio.unwrap();
-    let measured = format!("{name}: relmse {:.3e} (at most {relmse:.1e}), mean ratio {ratio:.5} (1 ± {mean})", report.relmse - noise);
+    let measured =
+        format!("{name}: relmse {:.3e} (at most {relmse:.1e}), mean ratio {ratio:.5} (1 ± {mean})", report.relmse - noise);
     if report.relmse - noise <= relmse && (ratio - 1.0).abs() <= mean {
         return eprintln!("{measured}");
     }
@@ -128,7 +142,7 @@ pub fn assert_alike(name: &str, image: &Layers, reference: &Layers, noise: f64, 
         let r = &reference.channel(&c.name).unwrap().samples;
         Channel { samples: c.samples.iter().zip(r).map(|(x, r)| x - r).collect(), ..c.clone() }
     };
-    let channels = image.channels.iter().filter(|c| reference.channel(&c.name).is_some()).map(minus).collect();
+    let channels = image.channels.iter().filter(|c| c.name != "A").map(minus).collect();
     let difference = Layers { channels, ..image.clone() };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let stem = name.replace(|c: char| !c.is_alphanumeric(), "-");
