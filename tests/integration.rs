@@ -8,6 +8,7 @@ mod cli; // the command line as a user runs it
 mod compare; // image metrics
 mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
+mod determinism; // same seed, same bytes
 mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
@@ -15,6 +16,7 @@ mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod lights; // light sampling
 mod malformed; // files that must fail, cleanly
+mod pictures; // rendering inside the tests
 mod scenes; // our own scenes
 mod schemes; // every preset
 mod testdata; // where the optional test data is

@@ -123,7 +123,10 @@ fn title(output: &Path) -> String {
 }
 
 fn default_output(scene: &Path) -> PathBuf {
-    PathBuf::from(scene.file_stem().unwrap_or_default()).with_extension("exr")
+    // Not `with_extension`: `room.v2.gltf` becomes `room.v2.exr`.
+    let mut name = scene.file_stem().unwrap_or_default().to_owned();
+    name.push(".exr");
+    name.into()
 }
 
 fn threads(count: Option<usize>) -> Result<rayon::ThreadPool> {

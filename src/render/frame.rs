@@ -96,6 +96,11 @@ fn check(settings: &Settings) -> Result<()> {
 fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut Frame, progress: &Progress) -> Result<Vec<u32>> {
     let probe = SceneProbe::new(tracer);
     let order = pixel_order(settings);
+    let mut births = vec![u32::MAX; order.len()];
+    if cache.level_count() == 0 {
+        // Light without bounces has nothing to cache.
+        return Ok(births);
+    }
     let visible: Vec<(u32, SurfacePoint)> = order
         .par_iter()
         .filter_map(|&p| {
@@ -114,7 +119,6 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         levels.push(LevelPoints { points, round: 0 });
     }
     progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
-    let mut births = vec![u32::MAX; order.len()];
     for (level, points) in levels.iter().enumerate().rev() {
         let stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
         if level == 0 {
