@@ -12,11 +12,14 @@ mod determinism; // same seed, same bytes
 mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
+mod gradients; // the published gradients compared in the Cornell box
 mod imagefile; // images in and out
 mod images; // whole pictures against references
+mod layers; // both integrators fill the layers alike
 mod lights; // light sampling
 mod malformed; // files that must fail, cleanly
 mod pictures; // rendering inside the tests
 mod scenes; // our own scenes
 mod schemes; // every preset
+mod scotty3d; // what a second pass and the rotational gradient are worth
 mod testdata; // where the optional test data is

@@ -1,6 +1,6 @@
 //! Shading of camera samples: direct light sampled, indirect light of diffuse surfaces from the cache, everything else by paths that end in it.
 
-use super::path::{PathTracer, Reflected, Sampled, Start, Vertex};
+use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
 use super::{CameraSample, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
@@ -149,7 +149,12 @@ impl<'a> CachedIntegrator<'a> {
                 let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
                 let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(self.cache as &dyn Deeper));
                 if bounces == 0 {
-                    out.radiance.add(&vertex, &scattered, light);
+                    let weights = match sampled {
+                        Sampled::Everything => split(&vertex, &scattered),
+                        // The cache has the diffuse lobe: all of this weight is the others'.
+                        Sampled::Glossy => (Color::ZERO, scattered.weight),
+                    };
+                    out.radiance.add(weights, light);
                 } else {
                     out.radiance.glossy_indirect += beta * scattered.weight * (light.direct + light.indirect);
                 }

@@ -140,7 +140,7 @@ impl PathTracer<'_> {
         if let Some((scattered, next)) = self.scatter(&vertex, &mut sampler, Sampled::Everything) {
             let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.origin() };
             let light = self.incoming(&next, &start, &mut sampler, seed, None);
-            out.radiance.add(&vertex, &scattered, light);
+            out.radiance.add(split(&vertex, &scattered), light);
         }
         out
     }
@@ -283,9 +283,8 @@ impl PathTracer<'_> {
 }
 
 impl Radiance {
-    /// Adds the light that a direction sampled at the camera's surface brings, split by the lobes it leaves by.
-    pub(super) fn add(&mut self, v: &Vertex, sample: &BsdfSample, light: Incoming) {
-        let (diffuse, glossy) = split(v, sample);
+    /// Adds the light that a direction sampled at the camera's surface brings; `(diffuse, glossy)` are the sample's weights by the lobes it leaves by.
+    pub(super) fn add(&mut self, (diffuse, glossy): (Color, Color), light: Incoming) {
         self.diffuse_direct += diffuse * light.direct;
         self.diffuse_indirect += diffuse * light.indirect;
         self.glossy_direct += glossy * light.direct;
@@ -293,8 +292,8 @@ impl Radiance {
     }
 }
 
-/// Splits the weight of a BSDF sample into what leaves by the diffuse lobe and by the others.
-fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
+/// Splits the weight of a sample of the whole BSDF into what leaves by the diffuse lobe and by the others.
+pub(super) fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
     if sample.lobe == Lobe::Delta || !v.bsdf.has_diffuse() || sample.transmitted {
         return (Color::ZERO, sample.weight);
     }

@@ -1,0 +1,51 @@
+//! The layers of both integrators hold the same light.
+
+use lumicache::accel::Backend;
+use lumicache::cache::Preset;
+use lumicache::film::LAYERS;
+use lumicache::progress::Progress;
+use lumicache::render::{Clock, IntegratorKind, Settings, frame};
+use lumicache::scene::Scene;
+use std::path::Path;
+
+/// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of all pixels.
+fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
+    let size = [40, 40];
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.set("rays", "400").unwrap();
+    let settings = Settings {
+        integrator,
+        scheme,
+        camera: scene.cameras()[0].clone(),
+        size,
+        window: [0, 0, size[0], size[1]],
+        spp,
+        max_bounces: 3,
+        seed: 1,
+        prepass_only: false,
+    };
+    let frame = frame(scene, &settings, &Progress::default(), &mut Clock::default(), &mut |_, _| {}).unwrap();
+    let mean = |channels: Vec<Vec<f32>>| {
+        let values = channels.iter().flatten();
+        values.clone().map(|&v| f64::from(v)).sum::<f64>() / values.count() as f64
+    };
+    let names = ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
+    names.map(|name| (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))).to_vec()
+}
+
+#[test]
+fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
+    // A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.gltf");
+    let mut data = lumicache::import::gltf(&path, &Default::default()).unwrap();
+    for material in &mut data.materials {
+        (material.specular, material.roughness) = (1.0, 0.5);
+    }
+    let scene = Scene::new(data, Backend::default()).unwrap().0;
+    let cached = parts(&scene, IntegratorKind::Cache, 32);
+    let traced = parts(&scene, IntegratorKind::Path, 128);
+    for ((name, cached), (_, traced)) in cached.iter().zip(&traced) {
+        // Both means are good to about 1 %; the cache may be biased by another.
+        assert!((cached / traced - 1.0).abs() < 0.04, "{name}: {cached} with the cache, {traced} without");
+    }
+}
