@@ -227,7 +227,7 @@ fn auto() -> Scheme {
     Scheme {
         rays: 512,
         deeper_rays: 0.5,
-        noise: 0.05,
+        noise: 0.1,
         error: 0.4,
         weight: Weight::Hat,
         neighbour_clamp: true,

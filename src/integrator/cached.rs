@@ -70,7 +70,7 @@ impl<'a> CachedIntegrator<'a> {
         out.clear();
         for ((sample, ray), hit) in samples.iter().zip(&rays).zip(&hits) {
             let number = out.len();
-            let clock = (number % TIMED == 0).then_some(&mut spent);
+            let clock = number.is_multiple_of(TIMED).then_some(&mut spent);
             out.push(self.shade_one(sample, ray, *hit, clock, |shadow, light, first| {
                 shadows.push(shadow);
                 pending.push(Pending { sample: number, light, first });

@@ -17,6 +17,8 @@ pub struct Drawn {
 /// Colours of the levels: yellow, cyan, magenta, then green for all deeper ones.
 const COLORS: [Color; 4] =
     [Color::new(1.0, 0.8, 0.0), Color::new(0.0, 0.9, 1.0), Color::new(1.0, 0.1, 0.8), Color::new(0.2, 1.0, 0.2)];
+/// Areas narrower than this many pixels are not outlined: they would cover the image.
+const OUTLINED: f32 = 6.0;
 /// Points of an outline.
 const OUTLINE: usize = 48;
 
@@ -37,6 +39,9 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
             let frame = Frame::from_normal(record.normal);
             let (radius, _) = reach.radius(record.length, record.footprint);
             canvas.dot(record.position, level);
+            if radius < OUTLINED * record.footprint {
+                continue;
+            }
             for k in 0..OUTLINE {
                 let (sin, cos) = (std::f32::consts::TAU * k as f32 / OUTLINE as f32).sin_cos();
                 canvas.point(record.position + radius * (cos * frame.s + sin * frame.t), level, 0.5);
