@@ -465,12 +465,13 @@ fn a_viewer_that_is_not_there_is_told_before_rendering() {
     desk.fail(&[&["render", &scene("cornell-box"), "--display-server", &closed], ENDLESS].concat(), &[&closed, "cannot connect"]);
 }
 
-/// Runs an endless render, and interrupts it when its first pixels are there.
+/// Runs an endless render of the inside of the box, and interrupts it when its first pixels are there.
 fn interrupted(desk: &Desk, more: &[&str]) -> Output {
     let (send, receive) = std::sync::mpsc::channel();
     let (address, packets) = viewer(move || send.send(()).unwrap());
     let room = scene("cornell-box");
-    let arguments = [&["render", &room, "-o", "out.exr", "--display-server", &address], ENDLESS, more].concat();
+    let arguments =
+        [&["render", &room, "-o", "out.exr", "--crop", "160,120,480,360", "--display-server", &address], ENDLESS, more].concat();
     let child = desk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     receive.recv_timeout(Duration::from_secs(120)).expect("the render starts");
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
@@ -503,7 +504,7 @@ fn an_interrupt_keeps_the_picture_so_far() {
         assert_eq!((text(&output.stdout), text(&output.stderr)), (String::new(), String::new()));
         assert_eq!(desk.files(), ["out.exr", "out.json", "out.png"]);
         let layers = exr::read(&desk.path("out.exr")).unwrap();
-        assert_eq!((layers.width, layers.height, layers.attribute("cancelled")), (640, 480, Some(&Attribute::Int(1))));
+        assert_eq!((layers.width, layers.height, layers.attribute("cancelled")), (320, 240, Some(&Attribute::Int(1))));
         assert!(layers.channels.iter().all(|c| c.name == "Z" || c.samples.iter().all(|x| x.is_finite())));
         assert!(mean(&layers, "G") > 0.0, "{integrator}: nothing was kept");
         assert_eq!(desk.json("out.json")["cancelled"], json!(true));
