@@ -14,6 +14,8 @@ use tempfile::TempDir;
 
 /// Options with which a render takes a blink.
 const QUICK: &[&str] = &["--size", "32x24", "--rays", "16", "--error", "1", "--set", "levels=1"];
+/// How long a busy machine may take to start the program, and it to find what is wrong.
+const PATIENCE: Duration = Duration::from_secs(60);
 /// A render that nobody waits for.
 const ENDLESS: &[&str] = &["--size", "640x480", "--spp", "1000000"];
 
@@ -62,8 +64,16 @@ impl Desk {
     /// Runs what must fail with one line that contains `words` and leave no file behind.
     fn fail(&self, arguments: &[&str], words: &[&str]) {
         let before = self.files();
+        let mut child = self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let started = Instant::now();
-        let output = self.run(arguments);
+        while child.try_wait().unwrap().is_none() {
+            if started.elapsed() > PATIENCE {
+                child.kill().unwrap();
+                panic!("{arguments:?} was accepted, or takes long to refuse");
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let output = child.wait_with_output().unwrap();
         let error = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
         assert!(
@@ -73,7 +83,6 @@ impl Desk {
         assert!(words.iter().all(|w| error.contains(w)), "{arguments:?}: {error} does not say {words:?}");
         assert!(output.stdout.is_empty(), "{arguments:?}");
         assert_eq!(self.files(), before, "{arguments:?} left something behind");
-        assert!(started.elapsed() < Duration::from_secs(30), "{arguments:?} took {:?}", started.elapsed());
     }
 
     /// The names of all files, hidden ones too.
@@ -465,12 +474,13 @@ fn a_viewer_that_is_not_there_is_told_before_rendering() {
     desk.fail(&[&["render", &scene("cornell-box"), "--display-server", &closed], ENDLESS].concat(), &[&closed, "cannot connect"]);
 }
 
-/// Runs an endless render, and interrupts it when its first pixels are there.
+/// Runs an endless render of the inside of the box, and interrupts it when its first pixels are there.
 fn interrupted(desk: &Desk, more: &[&str]) -> Output {
     let (send, receive) = std::sync::mpsc::channel();
     let (address, packets) = viewer(move || send.send(()).unwrap());
     let room = scene("cornell-box");
-    let arguments = [&["render", &room, "-o", "out.exr", "--display-server", &address], ENDLESS, more].concat();
+    let arguments =
+        [&["render", &room, "-o", "out.exr", "--crop", "160,120,480,360", "--display-server", &address], ENDLESS, more].concat();
     let child = desk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     receive.recv_timeout(Duration::from_secs(120)).expect("the render starts");
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
@@ -503,7 +513,7 @@ fn an_interrupt_keeps_the_picture_so_far() {
         assert_eq!((text(&output.stdout), text(&output.stderr)), (String::new(), String::new()));
         assert_eq!(desk.files(), ["out.exr", "out.json", "out.png"]);
         let layers = exr::read(&desk.path("out.exr")).unwrap();
-        assert_eq!((layers.width, layers.height, layers.attribute("cancelled")), (640, 480, Some(&Attribute::Int(1))));
+        assert_eq!((layers.width, layers.height, layers.attribute("cancelled")), (320, 240, Some(&Attribute::Int(1))));
         assert!(layers.channels.iter().all(|c| c.name == "Z" || c.samples.iter().all(|x| x.is_finite())));
         assert!(mean(&layers, "G") > 0.0, "{integrator}: nothing was kept");
         assert_eq!(desk.json("out.json")["cancelled"], json!(true));

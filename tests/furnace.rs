@@ -148,9 +148,13 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         for (kind, gradients) in
             [("rotation", gradients(|r| (r.rotation, 1.0))), ("translation", gradients(|r| (r.translation, r.length_unclamped)))]
         {
+            // The rotational gradient has no finite variance: a ray close to the horizon counts by the tangent of its angle. Hence the median.
+            let mut sizes: Vec<f32> = gradients.iter().map(|g| g.length()).collect();
+            sizes.sort_by(f32::total_cmp);
+            let median = sizes[sizes.len() / 2];
+            assert!(median * root < 3.0, "{what}: the {kind} changes irradiance by {median}");
             let spread = (gradients.iter().map(|g| g.length_squared()).sum::<f32>() / count).sqrt();
             let off = (gradients.iter().sum::<Vec2>() / count).length();
-            assert!(spread * root < 4.0, "{what}: the {kind} changes irradiance by {spread}");
             assert!(off <= 0.002 + 5.0 * spread / count.sqrt(), "{what}: the {kind} changes irradiance by {off} on average");
         }
     }

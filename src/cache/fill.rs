@@ -34,6 +34,8 @@ pub struct FillStats {
 
 /// Size of the first growing round.
 const FIRST_ROUND: usize = 64;
+/// Most rounds over all points at the end. Two or three are enough, but for points whose own record does not cover them.
+const LAST_ROUNDS: usize = 8;
 /// Two candidates of one round conflict within this share of their expected radius.
 const CONFLICT: f32 = 0.7;
 /// Fewest records that one pass over the candidates may make.
@@ -90,9 +92,15 @@ impl Cache {
                 round *= 4;
             }
         }
-        // Neighbour clamping may have uncovered points of earlier rounds.
-        filling.reindex(true);
-        filling.round(&points.points, progress)?;
+        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
+        for _ in 0..LAST_ROUNDS {
+            let before = filling.records.len();
+            filling.reindex(true);
+            filling.round(&points.points, progress)?;
+            if filling.records.len() == before {
+                break;
+            }
+        }
         let Filling { records, stats, .. } = filling;
         self.levels[usize::from(level)] = Some(self.finish(level, records));
         Ok(stats)
