@@ -16,6 +16,7 @@ mod gradients; // the published gradients compared in the Cornell box
 mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod layers; // both integrators fill the layers alike
+mod leaks; // thin walls
 mod lights; // light sampling
 mod malformed; // files that must fail, cleanly
 mod pictures; // rendering inside the tests

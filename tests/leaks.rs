@@ -1,0 +1,32 @@
+//! Light must not pass through thin walls by way of the cache.
+
+use crate::pictures::{build, cached, own, render};
+use lumicache::math::Color;
+
+/// Mean radiance of the left and of the right half of an image of `width` columns, the middle ones left out.
+fn halves(pixels: &[Color], width: usize) -> [f32; 2] {
+    let mut sums = [0.0; 2];
+    for row in pixels.chunks(width) {
+        for (x, c) in row.iter().enumerate().filter(|(x, _)| x.abs_diff(width / 2) > 1) {
+            sums[usize::from(x > width / 2)] += c.element_sum();
+        }
+    }
+    sums.map(|s| 2.0 * s / (3 * pixels.len()) as f32)
+}
+
+#[test]
+fn a_room_behind_a_wall_of_two_sheets_a_millimetre_apart_stays_black() {
+    let scene = build(own("two-rooms-gap"));
+    let size = [200, 100];
+    let lit = |preset: &str, fences: bool| {
+        let mut settings = cached(&scene, preset, size, 1);
+        settings.scheme.fences = fences;
+        settings.scheme.rays = 256;
+        halves(&render(&scene, &settings).film.radiance(), size[0] as usize)
+    };
+    let [left, right] = lit("auto", true);
+    assert!(left > 0.1 && right < 1e-5 * left, "{left} {right}");
+    // Without fences records reach through the wall: the scene tests what it is meant to test.
+    let [left, right] = lit("ward-heckbert92", false);
+    assert!(right > 1e-5 * left, "{left} {right}");
+}
