@@ -129,6 +129,9 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
         if cosine <= 0.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
             continue;
         }
+        if !r.fences.admit(at.position) {
+            continue;
+        }
         let weight = match scheme.weight {
             Weight::Inverse => 1.0 / error.max(1e-6),
             Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
