@@ -2,11 +2,12 @@
 //!
 //! The expected values are finite differences (step 1e-4) of Lambert's formula with the occluder's shadow taken out of the lamp.
 
+use crate::bsdfs::point;
 use lumicache::gather::{
     Bundle, Deeper, Density, Gradient, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe, TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::math::{Color, Frame, Vec2, Vec3, Vec4};
+use lumicache::math::{Color, Frame, Vec2, Vec3};
 
 /// A horizontal rectangle `[min, max]` at height `z`.
 #[derive(Clone, Copy)]
@@ -42,20 +43,7 @@ impl RadianceProbe for LampAndOccluders {
 
 /// The receiver of every test: (0.45, 0.30, 0) facing up.
 pub fn receiver() -> SurfacePoint {
-    SurfacePoint {
-        position: Vec3::new(0.45, 0.30, 0.0),
-        ng: Vec3::Z,
-        frame: Frame::from_normal(Vec3::Z),
-        tangent: Vec4::ZERO,
-        uv: [Vec2::ZERO; 2],
-        color: Vec4::ONE,
-        material: 0,
-        instance: 0,
-        triangle: 0,
-        back_face: false,
-        wo: Vec3::Z,
-        footprint: 0.0,
-    }
+    SurfacePoint { position: Vec3::new(0.45, 0.30, 0.0), ..point(false) }
 }
 
 fn occluder(min: [f32; 2], max: [f32; 2]) -> LampAndOccluders {

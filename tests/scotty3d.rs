@@ -2,6 +2,7 @@
 //!
 //! Irradiance on the spheres of our scene, first bounce only, against many rays at the same points. 256 rays per record instead of the report's 64, whose noise would hide half of the difference.
 
+use crate::bsdfs::point;
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
 use lumicache::gather::{
@@ -9,7 +10,7 @@ use lumicache::gather::{
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::integrator::{PathTracer, SceneProbe};
-use lumicache::math::{Color, Frame, Vec2, Vec3, Vec4, luminance};
+use lumicache::math::{Color, Vec2, luminance};
 use lumicache::progress::Progress;
 use lumicache::scene::Scene;
 use rayon::prelude::*;
@@ -90,20 +91,7 @@ impl RadianceProbe for HalfBright {
 #[test]
 fn rays_along_the_horizon_do_not_spoil_the_rotational_gradient() {
     // For that light G = ∫ w_x dω over x > 0 along the second tangent: π/2. Some of the 1000 gathers have a ray of tan θ > 100, which alone would add 10 times the mean.
-    let at = SurfacePoint {
-        position: Vec3::ZERO,
-        ng: Vec3::Z,
-        frame: Frame::from_normal(Vec3::Z),
-        tangent: Vec4::ZERO,
-        uv: [Vec2::ZERO; 2],
-        color: Vec4::ONE,
-        material: 0,
-        instance: 0,
-        triangle: 0,
-        back_face: false,
-        wo: Vec3::Z,
-        footprint: 0.0,
-    };
+    let at = point(false);
     for (layout, tolerance) in
         [(Layout::Polar { m: 8, n: 8 }, 0.05), (Layout::polar(1024), 0.015), (Layout::concentric(1024), 0.015)]
     {
