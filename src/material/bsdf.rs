@@ -2,8 +2,9 @@
 
 use super::NativeBrdf;
 use super::layered::Layered;
-use super::microfacet::{flip, sample_cosine};
+use super::microfacet::flip;
 use crate::math::{Color, INV_PI, Vec2, Vec3};
+use crate::sampling::square_to_cosine_hemisphere;
 
 /// Which kind of lobe a direction was drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,7 +162,7 @@ impl Bsdf {
         match &self.0 {
             Model::Black => None,
             Model::Lambert(albedo) => {
-                let wi = sample_cosine(u);
+                let wi = square_to_cosine_hemisphere(u);
                 (wo.z > 0.0 && wi.z > 0.0).then_some(BsdfSample {
                     wi,
                     weight: *albedo,

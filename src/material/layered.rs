@@ -7,10 +7,11 @@
 use super::bsdf::{BsdfSample, Lobe, mean};
 use super::energy::{glass_albedo, reflection_albedo};
 use super::microfacet::{
-    DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract, sample_cosine, sample_visible_normal,
-    schlick_weight, visibility, visible_normal_pdf,
+    DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract, sample_visible_normal, schlick_weight,
+    visibility, visible_normal_pdf,
 };
 use crate::math::{Color, INV_PI, Vec2, Vec3};
+use crate::sampling::square_to_cosine_hemisphere;
 
 /// Reflectance of the coat at normal incidence, an index of 1.5.
 const COAT_F0: f32 = 0.04;
@@ -328,7 +329,7 @@ impl View<'_> {
         }
         let p = self.pick[lobe];
         match lobe {
-            0 => self.finish(wo, sample_cosine(u), Lobe::Diffuse, 1.0),
+            0 => self.finish(wo, square_to_cosine_hemisphere(u), Lobe::Diffuse, 1.0),
             1 if l.is_smooth() => {
                 let fresnel = self.reflect0.lerp(self.reflect90, schlick_weight(wo.z));
                 delta(Vec3::new(-wo.x, -wo.y, wo.z), fresnel / p, 1.0)

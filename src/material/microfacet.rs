@@ -104,28 +104,6 @@ pub(super) fn refract(wo: Vec3, h: Vec3, eta: f32, cos_t: f32) -> Vec3 {
     (wo.dot(h) / eta - cos_t) * h - wo / eta
 }
 
-/// The unit square to the unit disc, keeping areas and strata together [Shirley97].
-#[inline]
-fn square_to_disk(u: Vec2) -> Vec2 {
-    let p = 2.0 * u - 1.0;
-    let (r, phi) = if p.x.abs() > p.y.abs() {
-        (p.x, 0.25 * PI * p.y / p.x)
-    } else if p.y != 0.0 {
-        (p.y, 0.5 * PI - 0.25 * PI * p.x / p.y)
-    } else {
-        return Vec2::ZERO;
-    };
-    let (sin, cos) = phi.sin_cos();
-    r * Vec2::new(cos, sin)
-}
-
-/// A direction of the upper hemisphere with density `cosθ/π` per steradian.
-#[inline]
-pub(super) fn sample_cosine(u: Vec2) -> Vec3 {
-    let d = square_to_disk(u);
-    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,9 +1,10 @@
 //! The BRDFs of the caching papers: modified Phong, Lafortune, Ward-Duer.
 
 use super::bsdf::{BsdfSample, Lobe, mean};
-use super::microfacet::{reflect, sample_cosine};
+use super::microfacet::reflect;
 use super::{LafortuneLobe, NativeBrdf};
 use crate::math::{Color, Frame, INV_PI, PI, Vec2, Vec3};
+use crate::sampling::square_to_cosine_hemisphere;
 
 /// Largest exponent of a cosine lobe, a width of about 0.3 degrees: beyond it single precision shows in the lobe's shape.
 const MAX_EXPONENT: f32 = 1e5;
@@ -217,7 +218,7 @@ impl NativeBrdf {
         let (wd, wg) = self.weights(wo, diffuse);
         let x = lobe_u * (wd + wg);
         let (wi, lobe) = if x < wd {
-            (sample_cosine(u), Lobe::Diffuse)
+            (square_to_cosine_hemisphere(u), Lobe::Diffuse)
         } else if wg > 0.0 {
             (self.sample_lobe(wo, (x - wd) / wg, u)?, Lobe::Glossy)
         } else {
