@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -474,6 +474,12 @@ fn a_viewer_that_is_not_there_is_told_before_rendering() {
     desk.fail(&[&["render", &scene("cornell-box"), "--display-server", &closed], ENDLESS].concat(), &[&closed, "cannot connect"]);
 }
 
+/// What Ctrl-C does.
+fn interrupt(child: &Child) {
+    let process = nix::unistd::Pid::from_raw(child.id().try_into().unwrap());
+    nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGINT).unwrap();
+}
+
 /// Runs an endless render of the inside of the box, and interrupts it when its first pixels are there.
 fn interrupted(desk: &Desk, more: &[&str]) -> Output {
     let (send, receive) = std::sync::mpsc::channel();
@@ -483,8 +489,7 @@ fn interrupted(desk: &Desk, more: &[&str]) -> Output {
         [&["render", &room, "-o", "out.exr", "--crop", "160,120,480,360", "--display-server", &address], ENDLESS, more].concat();
     let child = desk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     receive.recv_timeout(Duration::from_secs(120)).expect("the render starts");
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
+    interrupt(&child);
     let output = child.wait_with_output().unwrap();
     packets.join().unwrap();
     output
@@ -544,7 +549,7 @@ fn an_interrupt_during_the_fill_is_heeded() {
     let mut stream = listener.accept().unwrap().0;
     assert_eq!(packet(&mut stream), Some(4));
     std::thread::sleep(Duration::from_millis(300));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    interrupt(&child);
     let signalled = Instant::now();
     let output = child.wait_with_output().unwrap();
     eprintln!("stopped after {:?}", signalled.elapsed());
