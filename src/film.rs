@@ -91,6 +91,12 @@ impl Pixel {
         self.parts.iter().sum::<Color>() * self.weight()
     }
 
+    /// Variance of the luminance of the pixel's mean, estimated from its samples taken as independent, as if the channels rose and fell together.
+    pub fn luminance_variance(&self) -> f32 {
+        let v = self.variance();
+        luminance(Color::new(v.x.sqrt(), v.y.sqrt(), v.z.sqrt())).powi(2)
+    }
+
     fn weight(&self) -> f32 {
         if self.samples > 0 { 1.0 / self.samples as f32 } else { 0.0 }
     }

@@ -22,6 +22,7 @@ fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static s
         spp,
         max_bounces: 3,
         seed: 1,
+        noise: 0.0,
         prepass_only: false,
     };
     let frame = frame(scene, &settings, &Progress::default(), &mut Clock::default(), &mut |_, _| {}).unwrap();

@@ -49,6 +49,7 @@ pub fn settings(scene: &Scene, integrator: IntegratorKind, [width, height]: [u32
         size: [width, height],
         window: [0, 0, width, height],
         spp,
+        noise: 0.0,
         max_bounces: u32::MAX,
         seed: 0,
         prepass_only: false,

@@ -249,7 +249,8 @@ impl<'a> Filling<'a> {
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
         let seed = hash(&[self.seed, p[0], p[1], p[2]]);
         samples.gather(self.probe, at, self.level, self.cache, seed);
-        if scheme.noise > 0.0 && samples.sigma() > scheme.noise * luminance(samples.irradiance()) {
+        // Deeper records are averaged by the gathers that read them.
+        if self.level == 0 && scheme.noise > 0.0 && samples.sigma() > scheme.noise * luminance(samples.irradiance()) {
             let rays = MORE_RAYS * samples.layout().rays() as u32;
             let mut more = HemisphereSamples::new(samples.layout().with_rays(rays), scheme.density);
             more.gather(self.probe, at, self.level, self.cache, hash(&[seed, 1]));

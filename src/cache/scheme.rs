@@ -72,7 +72,7 @@ pub struct Scheme {
     pub rays: u32,
     /// Factor on `rays` from one level to the next deeper one.
     pub deeper_rays: f32,
-    /// A record whose relative standard error exceeds this is gathered again with four times the rays; 0 means never.
+    /// A record of the first level whose relative standard error exceeds this is gathered again with four times the rays; 0 means never.
     pub noise: f32,
     /// What R_i is.
     pub metric: Metric,

@@ -231,11 +231,11 @@ impl PathTracer<'_> {
         let cached = irradiance.map_or(Color::ZERO, |e| v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI);
         let light = self.light(v, sampler, sampled);
         let mut next = self.scatter(v, sampler, sampled);
-        if sampled == Sampled::Glossy
-            && let Some((sample, _)) = &mut next
-        {
-            // Most of the light is accounted for; a faint gloss on top of it is followed only as often as it matters.
-            let survival = (GLOSS_SURVIVAL * sample.weight.max_element()).min(1.0);
+        // Where a cache was asked, the path is one of very many that are averaged, and the rest of it costs more than what it has brought so far. A faint gloss on
+        // top of cached light is followed only as often as it matters, and what no cache knows as often as the surface reflects.
+        if let (Some(_), Some((sample, _))) = (deeper, &mut next) {
+            let share = if sampled == Sampled::Glossy { GLOSS_SURVIVAL } else { 1.0 };
+            let survival = (share * sample.weight.max_element()).min(1.0);
             if sampler.next_1d() < survival {
                 sample.weight /= survival;
             } else {

@@ -1,5 +1,6 @@
 //! One frame: the cache is filled, then every pixel is shaded.
 
+use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
 use crate::cache::{Cache, FillStats, LevelPoints, Order};
 use crate::error::{Error, Result};
@@ -167,50 +168,59 @@ fn render(
 ) -> bool {
     let [width, height] = film.window_size();
     let [across, down] = [width.div_ceil(TILE), height.div_ceil(TILE)];
-    progress.start(Phase::Render, u64::from(width) * u64::from(height) * u64::from(settings.spp));
-    let shared = Mutex::new((film, watcher));
+    let mut wanted = vec![settings.spp; film.pixels().len()];
+    let mut work = u64::from(width) * u64::from(height) * u64::from(settings.spp);
+    progress.start(Phase::Render, work);
     let mut first = 0;
-    while first < settings.spp && !progress.is_cancelled() {
-        let last = settings.spp.min(first + PASS);
+    while first < wanted.iter().copied().max().unwrap_or(0) && !progress.is_cancelled() {
+        let last = first + PASS.min(settings.spp - first % settings.spp);
+        let shared = Mutex::new((&mut *film, &mut *watcher));
         (0..across * down).into_par_iter().for_each(|t| {
             if progress.is_cancelled() {
                 return;
             }
             let (x, y) = (t % across * TILE, t / across * TILE);
             let area = [x, y, width.min(x + TILE), height.min(y + TILE)];
-            let pixels = tile(integrator, settings, limits, width, area, first..last);
+            // Each pixel gets whole runs of `spp` samples, so a pass is for it or is not.
+            let numbers: Vec<u32> = (area[1]..area[3])
+                .flat_map(|y| y * width + area[0]..y * width + area[2])
+                .filter(|&p| wanted[p as usize] > first)
+                .collect();
+            if numbers.is_empty() {
+                return;
+            }
+            let pixels = shade(integrator, settings, limits, &numbers, first..last);
             let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let (film, watcher) = &mut *guard;
-            for (row, y) in pixels.chunks((area[2] - area[0]) as usize).zip(area[1]..) {
-                let start = (y * width + area[0]) as usize;
-                for (sum, new) in film.pixels_mut()[start..start + row.len()].iter_mut().zip(row) {
-                    sum.merge(new);
-                }
+            for (&number, new) in numbers.iter().zip(&pixels) {
+                film.pixels_mut()[number as usize].merge(new);
             }
             watcher(area, film);
             progress.advance(pixels.len() as u64 * u64::from(last - first));
         });
         first = last;
+        if first == settings.spp && settings.noise > 0.0 && !progress.is_cancelled() {
+            wanted = samples_wanted(film, settings.spp, settings.noise);
+            let all: u64 = wanted.iter().map(|&n| u64::from(n)).sum();
+            progress.extend(all - work);
+            work = all;
+        }
     }
     progress.is_cancelled()
 }
 
-/// Shades samples `indices` of every pixel of a tile.
-fn tile(
+/// Shades samples `indices` of the pixels with these numbers.
+fn shade(
     integrator: &Integrator,
     settings: &Settings,
     limits: Option<&[u32]>,
-    width: u32,
-    area: [u32; 4],
+    numbers: &[u32],
     indices: std::ops::Range<u32>,
 ) -> Vec<Pixel> {
-    let mut samples = Vec::new();
-    for y in area[1]..area[3] {
-        for x in area[0]..area[2] {
-            let p = y * width + x;
-            let limit = limits.map_or(u32::MAX, |l| l[p as usize]);
-            samples.extend(indices.clone().map(|i| camera_sample(settings, p, i, limit)));
-        }
+    let mut samples = Vec::with_capacity(numbers.len() * indices.len());
+    for &p in numbers {
+        let limit = limits.map_or(u32::MAX, |l| l[p as usize]);
+        samples.extend(indices.clone().map(|i| camera_sample(settings, p, i, limit)));
     }
     let mut shaded: Vec<Shaded> = Vec::with_capacity(samples.len());
     integrator.shade(&samples, &mut shaded);

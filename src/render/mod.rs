@@ -6,6 +6,7 @@ mod clock;
 mod frame;
 mod output;
 mod records;
+mod refine;
 mod selection;
 mod settings;
 mod stats;

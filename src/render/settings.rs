@@ -37,6 +37,8 @@ pub struct Settings {
     pub window: [u32; 4],
     /// Samples per pixel.
     pub spp: u32,
+    /// Pixels whose relative standard error is above this get up to four times the samples; 0 gives all of them the same.
+    pub noise: f32,
     /// Most surface interactions after the camera hit, `u32::MAX` for no bound.
     pub max_bounces: u32,
     /// Seed of everything random.
@@ -49,11 +51,12 @@ impl Settings {
     /// The settings as one line, for the output file.
     pub fn describe(&self) -> String {
         let mut text = format!(
-            "integrator={} size={}x{} spp={} max_bounces={} seed={} camera={}",
+            "integrator={} size={}x{} spp={} noise={} max_bounces={} seed={} camera={}",
             self.integrator.name(),
             self.size[0],
             self.size[1],
             self.spp,
+            self.noise,
             if self.max_bounces == u32::MAX { "unlimited".to_owned() } else { self.max_bounces.to_string() },
             self.seed,
             self.camera.name,
