@@ -1,6 +1,7 @@
 //! The spatial index of records: an octree whose leaves list every record that may be valid in them.
 
 use super::fence::Fences;
+use super::footprint::Footprint;
 use super::record::{Reach, Record};
 use super::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
@@ -13,12 +14,20 @@ struct Entry {
     inverse_radius: f32,
     normal: Vec3,
     id: u32,
-    /// Index of its fences, `UNFENCED` if it has none.
-    fences: u32,
+    /// Where its [`Detail`] is, plus `SHAPED` if its area is no disc; `PLAIN` if it is one without fences.
+    detail: u32,
 }
 
-/// Marks a record without fences.
-const UNFENCED: u32 = u32::MAX;
+/// Marks a record that has no [`Detail`].
+const PLAIN: u32 = SHAPED - 1;
+/// Added to the index of a [`Detail`] whose area is no disc.
+const SHAPED: u32 = 1 << 31;
+
+/// What the search reads of the few records that pass the first test, and of none of those that are discs without fences.
+struct Detail {
+    area: Footprint,
+    fences: Fences,
+}
 
 /// What extrapolation reads of a record.
 #[derive(Clone, Copy)]
@@ -49,7 +58,7 @@ pub struct Index {
     nodes: Vec<Node>,
     entries: Vec<Entry>,
     payloads: Vec<Payload>,
-    fences: Vec<Fences>,
+    details: Vec<Detail>,
     reach: Reach,
     normal_scale: f32,
     weight: Weight,
@@ -73,15 +82,17 @@ impl Index {
     pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
-        let mut fences = Vec::new();
+        let mut details = Vec::new();
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
-            let (radius, gradient_scale) = reach.radius(r.length, r.footprint);
+            let (area, gradient_scale) = reach.area(r);
+            let radius = area.longest();
             let mut entry =
-                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, fences: UNFENCED };
-            if !r.fences.planes().is_empty() {
-                entry.fences = fences.len() as u32;
-                fences.push(r.fences);
+                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, detail: PLAIN };
+            let disc = matches!(area, Footprint::Disc { .. });
+            if !disc || !r.fences.planes().is_empty() {
+                entry.detail = details.len() as u32 + if disc { 0 } else { SHAPED };
+                details.push(Detail { area, fences: r.fences });
             }
             all.push(entry);
             payloads.push(Payload {
@@ -102,7 +113,7 @@ impl Index {
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
             payloads,
-            fences,
+            details,
             reach,
             normal_scale: reach.normal_scale(),
             weight,
@@ -171,7 +182,14 @@ impl Index {
                 continue;
             }
             let d = d2.sqrt();
-            let error = self.reach.relative_error(d, e.inverse_radius, cosine, self.normal_scale);
+            let mut position = d * e.inverse_radius;
+            if e.detail >= SHAPED {
+                position = self.details[(e.detail - SHAPED) as usize].area.share(e.normal, offset);
+                if position >= 1.0 {
+                    continue;
+                }
+            }
+            let error = self.reach.relative_error(position, cosine, self.normal_scale);
             if error >= 1.0 {
                 continue;
             }
@@ -179,7 +197,7 @@ impl Index {
             if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
                 continue;
             }
-            if e.fences != UNFENCED && !self.fences[e.fences as usize].admit(at.position) {
+            if e.detail != PLAIN && !self.details[(e.detail & PLAIN) as usize].fences.admit(at.position) {
                 continue;
             }
             visit(e, error);
@@ -219,5 +237,6 @@ impl Index {
         self.nodes.len() * size_of::<Node>()
             + self.entries.len() * size_of::<Entry>()
             + self.payloads.len() * size_of::<Payload>()
+            + self.details.len() * size_of::<Detail>()
     }
 }

@@ -7,6 +7,7 @@
 mod envelope;
 mod fence;
 mod fill;
+mod footprint;
 mod index;
 mod record;
 mod scheme;
@@ -14,6 +15,7 @@ mod scheme;
 pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
 pub use fill::{FillStats, LevelPoints};
+pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use record::{Reach, Record};
 pub use scheme::{Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};

@@ -1,6 +1,7 @@
 //! One cache record, how it is made from a gather, and how far it reaches.
 
 use super::fence::Fences;
+use super::footprint::Footprint;
 use super::scheme::{Kernel, Metric, Scheme};
 use crate::gather::HemisphereSamples;
 use crate::geometry::SurfacePoint;
@@ -22,9 +23,13 @@ pub struct Record {
     pub rotation: Mat3,
     /// Takes `x - x_i` to the change of irradiance.
     pub translation: Mat3,
-    /// R_i as the gather gave it, clamped by its own gradient; neighbours and pixels do not touch it.
+    /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours and pixels do not touch them.
+    pub shape: Footprint,
+    /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are not asked.
+    pub limit: f32,
+    /// R_i: the shortest of `shape`.
     pub length_unclamped: f32,
-    /// R_i after neighbour clamping.
+    /// R_i after neighbour clamping: no more than `limit`.
     pub length: f32,
     /// Diameter of a pixel at the record, world units.
     pub footprint: f32,
@@ -40,39 +45,57 @@ impl Record {
         let irradiance = samples.irradiance();
         let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
         let gradient = samples.translational_gradient(scheme.translational_gradient);
-        let mut length = match scheme.metric {
-            Metric::Harmonic => samples.harmonic_distance(),
-            Metric::Minimum => samples.minimum_distance(),
-            Metric::MinimumRestricted => samples.minimum_distance_restricted(),
+        let mut shape = Footprint::Disc {
+            r: match scheme.metric {
+                Metric::Harmonic => samples.harmonic_distance(),
+                Metric::Minimum => samples.minimum_distance(),
+                Metric::MinimumRestricted => samples.minimum_distance_restricted(),
+            },
         };
         if scheme.nearest_fraction > 0.0 {
-            length = length.min(scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction));
+            let nearest = scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction);
+            shape = shape.map(|r| r.min(nearest));
         }
         if scheme.gradient_clamp {
             // Luminance, not the smallest channel: a channel that is nearly black would shrink every record beside a coloured wall.
-            let slope = luminance(gradient.s).hypot(luminance(gradient.t));
+            let slope = [luminance(gradient.s), luminance(gradient.t)];
             let value = luminance(irradiance);
-            if value > 0.0 && slope > 0.0 {
-                length = length.min(value / slope);
-            }
+            shape = shape.bounded(at.frame.n, |axis| {
+                let slope = match axis {
+                    Some(u) => (slope[0] * u.dot(at.frame.s) + slope[1] * u.dot(at.frame.t)).abs(),
+                    None => slope[0].hypot(slope[1]),
+                };
+                if value > 0.0 && slope > 0.0 { value / slope } else { f32::INFINITY }
+            });
         }
         let fences = if scheme.fences {
-            Fences::new(samples, at.position, reach.radius(length, at.footprint).0)
+            Fences::new(samples, at.position, reach.radius(shape.longest(), at.footprint).0)
         } else {
             Fences::default()
         };
+        let length = shape.shortest();
         Self {
             position: at.position,
             normal: at.frame.n,
             irradiance,
             rotation,
             translation: gradient.to_world(&at.frame),
+            shape,
+            limit: f32::INFINITY,
             length_unclamped: length,
             length,
             footprint: at.footprint,
             sigma: samples.sigma(),
             fences,
         }
+    }
+
+    /// Bounds every length by what the neighbours allow.
+    ///
+    /// For an ellipse or sectors the neighbours are asked for their shortest lengths: R_i along each axis is at most `R_j,min + |x_i - x_j|`.
+    pub fn clamp(&mut self, limit: f32) {
+        self.limit = limit;
+        self.length = self.length_unclamped.min(limit);
     }
 }
 
@@ -115,6 +138,12 @@ impl Reach {
         (clamped * scale * self.smoothing, (wanted / clamped).min(1.0))
     }
 
+    /// The area in which `record` is valid, by its position alone: each length turned into a radius. Returns also the factor for its gradient, see [`Reach::radius`].
+    pub fn area(&self, record: &Record) -> (Footprint, f32) {
+        let (_, slope) = self.radius(record.length, record.footprint);
+        (record.shape.map(|r| self.radius(r.min(record.limit), record.footprint).0), slope)
+    }
+
     /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error.
     pub fn normal_scale(&self) -> f32 {
         match self.kernel {
@@ -123,10 +152,10 @@ impl Reach {
         }
     }
 
-    /// The error at distance `d` of a record of radius `1/inverse_radius` with normal cosine `cosine`, as a share of the allowed one.
+    /// The error of a record as a share of the allowed one: `position` is the distance as a share of its area's extent, [`Footprint::share`], `cosine` that
+    /// of the normals.
     #[inline]
-    pub fn relative_error(&self, d: f32, inverse_radius: f32, cosine: f32, normal_scale: f32) -> f32 {
-        let position = d * inverse_radius;
+    pub fn relative_error(&self, position: f32, cosine: f32, normal_scale: f32) -> f32 {
         let normal = (1.0 - cosine).max(0.0).sqrt() * normal_scale;
         match self.kernel {
             Kernel::Ward => position + normal,
