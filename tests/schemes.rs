@@ -1,7 +1,7 @@
 //! Every scheme: how many records it makes, how far they reach, that they cover what they should, and that they hold what they should.
 
 use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, seen, settings};
-use lumicache::cache::{Cache, Kernel, Level, LevelPoints, PRESETS, Reach, Record, Scheme, Weight};
+use lumicache::cache::{Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Reach, Record, Scheme, Weight};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3};
 use lumicache::render::{IntegratorKind, Settings};
@@ -137,7 +137,11 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
             Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
             Weight::Hat => 1.0 - error,
         };
-        let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + slope * (r.translation * offset);
+        let linear = slope * (r.translation * offset);
+        let second = r
+            .curve
+            .map_or(Color::ZERO, |c| Curve { hessian: c.hessian * (slope * slope), ..c }.term(offset, linear, r.irradiance));
+        let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second;
         sum += weight * value.max(Color::ZERO);
         weights += weight;
         errors += weight * error;

@@ -2,7 +2,7 @@
 
 use super::fence::Fences;
 use super::footprint::Footprint;
-use super::record::{Reach, Record};
+use super::record::{Curve, Reach, Record};
 use super::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::{Color, Mat3, Vec3};
@@ -58,6 +58,8 @@ pub struct Index {
     nodes: Vec<Node>,
     entries: Vec<Entry>,
     payloads: Vec<Payload>,
+    /// Of every record, for schemes that extrapolate to second order; else empty.
+    curves: Vec<Curve>,
     details: Vec<Detail>,
     reach: Reach,
     normal_scale: f32,
@@ -83,6 +85,7 @@ impl Index {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
         let mut details = Vec::new();
+        let mut curves = Vec::new();
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
             let (area, gradient_scale) = reach.area(r);
@@ -100,6 +103,11 @@ impl Index {
                 rotation: r.rotation,
                 translation: r.translation * gradient_scale,
             });
+            if let Some(mut curve) = r.curve {
+                // Where the radius was raised beyond what the error allows, the term must not grow with it, as the gradient's does not.
+                curve.hessian = curve.hessian * gradient_scale.powi(2);
+                curves.push(curve);
+            }
             bounds = bounds.with(r.position - radius).with(r.position + radius);
         }
         let (center, half) = if bounds.is_empty() {
@@ -113,6 +121,7 @@ impl Index {
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
             payloads,
+            curves,
             details,
             reach,
             normal_scale: reach.normal_scale(),
@@ -212,7 +221,7 @@ impl Index {
     }
 
     /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92]. `None` where no record is valid.
+    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
         let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
         self.valid(at, limit, |e, error| {
@@ -223,7 +232,12 @@ impl Index {
                 Weight::Hat => 1.0 - error,
             };
             let p = &self.payloads[e.id as usize];
-            let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * (at.position - e.position);
+            let offset = at.position - e.position;
+            let first = p.translation * offset;
+            let mut value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + first;
+            if let Some(curve) = self.curves.get(e.id as usize) {
+                value += curve.term(offset, first, p.irradiance);
+            }
             sum += w * value.max(Color::ZERO);
             weights += w;
             errors += w * error;
@@ -237,6 +251,7 @@ impl Index {
         self.nodes.len() * size_of::<Node>()
             + self.entries.len() * size_of::<Entry>()
             + self.payloads.len() * size_of::<Payload>()
+            + self.curves.len() * size_of::<Curve>()
             + self.details.len() * size_of::<Detail>()
     }
 }

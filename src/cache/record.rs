@@ -2,13 +2,38 @@
 
 use super::fence::Fences;
 use super::footprint::Footprint;
-use super::scheme::{Kernel, Metric, Scheme};
-use crate::gather::HemisphereSamples;
+use super::metric;
+use super::scheme::{Extrapolation, Kernel, Scheme};
+use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
-use crate::math::{Color, Mat3, Vec3, luminance};
+use crate::math::{Color, Mat3, Vec2, Vec3, luminance};
 
 /// sqrt(1 - cos 10°): the normal deviation at which a record of [Tabellion04] ends.
 const TABELLION_NORMAL: f32 = 0.123_257;
+
+/// The normal deviation at which a record of [`Kernel::Schwarzhaupt`] ends: 1 - cos 0.2 rad.
+const SCHWARZHAUPT_NORMAL: f32 = 0.019_933_4;
+/// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
+const SECOND_ORDER: f32 = 0.25;
+
+/// The second-order part of a record's extrapolation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Curve {
+    /// Tangents that the Hessian refers to.
+    pub tangents: [Vec3; 2],
+    /// The Hessian of irradiance.
+    pub hessian: Hessian,
+}
+
+impl Curve {
+    /// `½ xᵀHx` at the offset x, no larger than the first-order change `first` and a quarter of `irradiance` together, in each channel.
+    #[inline]
+    pub fn term(&self, offset: Vec3, first: Color, irradiance: Color) -> Color {
+        let x = Vec2::new(offset.dot(self.tangents[0]), offset.dot(self.tangents[1]));
+        let most = first.abs() + SECOND_ORDER * irradiance;
+        (0.5 * self.hessian.apply(x, x)).clamp(-most, most)
+    }
+}
 
 /// Irradiance of indirect light at a point, with what is needed to use it nearby. World space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +48,8 @@ pub struct Record {
     pub rotation: Mat3,
     /// Takes `x - x_i` to the change of irradiance.
     pub translation: Mat3,
+    /// How irradiance bends with translation, for schemes that extrapolate to second order.
+    pub curve: Option<Curve>,
     /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours and pixels do not touch them.
     pub shape: Footprint,
     /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are not asked.
@@ -44,14 +71,9 @@ impl Record {
     pub fn new(scheme: &Scheme, reach: &Reach, at: &SurfacePoint, samples: &HemisphereSamples) -> Self {
         let irradiance = samples.irradiance();
         let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
-        let gradient = samples.translational_gradient(scheme.translational_gradient);
-        let mut shape = Footprint::Disc {
-            r: match scheme.metric {
-                Metric::Harmonic => samples.harmonic_distance(),
-                Metric::Minimum => samples.minimum_distance(),
-                Metric::MinimumRestricted => samples.minimum_distance_restricted(),
-            },
-        };
+        let derivatives = metric::derivatives(scheme, samples);
+        let gradient = derivatives.gradient;
+        let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, reach.scene_size);
         if scheme.nearest_fraction > 0.0 {
             let nearest = scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction);
             shape = shape.map(|r| r.min(nearest));
@@ -80,6 +102,8 @@ impl Record {
             irradiance,
             rotation,
             translation: gradient.to_world(&at.frame),
+            curve: (scheme.extrapolation == Extrapolation::Second)
+                .then_some(Curve { tangents: [at.frame.s, at.frame.t], hessian: derivatives.hessian }),
             shape,
             limit: f32::INFINITY,
             length_unclamped: length,
@@ -104,10 +128,12 @@ impl Record {
 pub struct Reach {
     kernel: Kernel,
     error: f32,
+    scale: f32,
     smoothing: f32,
     min_pixels: f32,
     max_pixels: f32,
     max_radius: f32,
+    scene_size: f32,
 }
 
 impl Reach {
@@ -116,11 +142,13 @@ impl Reach {
         Self {
             kernel: scheme.kernel,
             error: scheme.error_at(level),
+            scale: scheme.radius_scale(level),
             smoothing,
             min_pixels: scheme.min_pixels,
             // Pixels bound records from above for the eye's sake; it does not see the deeper levels.
             max_pixels: if level == 0 { scheme.max_pixels } else { 0.0 },
             max_radius: scheme.max_radius * scene_size,
+            scene_size,
         }
     }
 
@@ -128,13 +156,13 @@ impl Reach {
     /// translational gradient must shrink because a lower limit has raised the radius: over the larger area the linear term must not grow.
     pub fn radius(&self, length: f32, footprint: f32) -> (f32, f32) {
         let wanted = match self.kernel {
-            Kernel::Ward => self.error * length,
+            Kernel::Ward | Kernel::Schwarzhaupt => self.scale * length,
             Kernel::Tabellion => 0.5 * length,
         };
         let upper = if self.max_pixels > 0.0 { self.max_radius.min(self.max_pixels * footprint) } else { self.max_radius };
         let lower = (self.min_pixels * footprint).min(upper).max(1e-6 * self.max_radius);
         let clamped = wanted.clamp(lower, upper);
-        let scale = if self.kernel == Kernel::Tabellion { self.error } else { 1.0 };
+        let scale = if self.kernel == Kernel::Tabellion { self.scale } else { 1.0 };
         (clamped * scale * self.smoothing, (wanted / clamped).min(1.0))
     }
 
@@ -144,11 +172,12 @@ impl Reach {
         (record.shape.map(|r| self.radius(r.min(record.limit), record.footprint).0), slope)
     }
 
-    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error.
+    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error, or the root of one.
     pub fn normal_scale(&self) -> f32 {
         match self.kernel {
             Kernel::Ward => 1.0 / (self.error * self.smoothing),
             Kernel::Tabellion => 1.0 / (TABELLION_NORMAL * self.error * self.smoothing),
+            Kernel::Schwarzhaupt => 1.0 / (SCHWARZHAUPT_NORMAL.sqrt() * self.smoothing),
         }
     }
 
@@ -160,6 +189,8 @@ impl Reach {
         match self.kernel {
             Kernel::Ward => position + normal,
             Kernel::Tabellion => position.max(normal),
+            // Where the normal alone is too far off, the product could deceive.
+            Kernel::Schwarzhaupt => 1.0 - (1.0 - position) * (1.0 - normal * normal).max(0.0),
         }
     }
 }
