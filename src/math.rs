@@ -2,7 +2,7 @@
 //!
 //! Vectors and matrices are [`glam`]'s. Single precision everywhere, except where a formula says why not.
 
-pub use glam::{Affine3A, DVec2, DVec3, Mat3, Vec2, Vec3, Vec4};
+pub use glam::{Affine3A, DMat2, DVec2, DVec3, Mat3, Vec2, Vec3, Vec4};
 
 /// A linear Rec. 709 triple: radiance, irradiance, albedo, whatever the name beside it says.
 pub type Color = Vec3;

@@ -11,14 +11,14 @@ use lumicache::math::{Color, Frame, Vec2, Vec3};
 
 /// A horizontal rectangle `[min, max]` at height `z`.
 #[derive(Clone, Copy)]
-struct Rectangle {
-    min: Vec2,
-    max: Vec2,
-    z: f32,
+pub struct Rectangle {
+    pub min: Vec2,
+    pub max: Vec2,
+    pub z: f32,
 }
 
 /// The lamp [-1,1]² at z = 2 of radiance 1 over black rectangles.
-struct LampAndOccluders(Vec<Rectangle>);
+pub struct LampAndOccluders(pub Vec<Rectangle>);
 
 const LAMP: Rectangle = Rectangle { min: Vec2::NEG_ONE, max: Vec2::ONE, z: 2.0 };
 
@@ -46,7 +46,8 @@ pub fn receiver() -> SurfacePoint {
     SurfacePoint { position: Vec3::new(0.45, 0.30, 0.0), ..point(false) }
 }
 
-fn occluder(min: [f32; 2], max: [f32; 2]) -> LampAndOccluders {
+/// One black rectangle at z = 1 under the lamp.
+pub fn occluder(min: [f32; 2], max: [f32; 2]) -> LampAndOccluders {
     LampAndOccluders(vec![Rectangle { min: Vec2::from(min), max: Vec2::from(max), z: 1.0 }])
 }
 

@@ -14,6 +14,7 @@ mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
 mod gradients; // the published gradients compared in the Cornell box
 mod imagefile; // images in and out
+mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
 mod images; // whole pictures against references
 mod layers; // both integrators fill the layers alike
 mod leaks; // thin walls

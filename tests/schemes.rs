@@ -1,7 +1,7 @@
 //! Every scheme: how many records it makes, how far they reach, that they cover what they should, and that they hold what they should.
 
 use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, seen, settings};
-use lumicache::cache::{Cache, Kernel, Level, LevelPoints, PRESETS, Reach, Record, Scheme, Weight};
+use lumicache::cache::{Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Reach, Record, Scheme, Weight};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3};
 use lumicache::render::{IntegratorKind, Settings};
@@ -121,12 +121,12 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
     let reach = Reach::new(scheme, 0, cache.scene_size(), scheme.smoothing);
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
     for r in first(cache).records().iter().take(limit) {
-        let (radius, slope) = reach.radius(r.length, r.footprint);
+        let (area, slope) = reach.area(r);
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
-        let d = offset.length();
-        let error = reach.relative_error(d, 1.0 / radius, cosine, reach.normal_scale());
+        let (d, share) = (offset.length(), area.share(r.normal, offset));
+        let error = reach.relative_error(share, cosine, reach.normal_scale());
         let in_front = 0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
-        if cosine <= 0.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
+        if cosine <= 0.0 || share >= 1.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
             continue;
         }
         if !r.fences.admit(at.position) {
@@ -137,7 +137,11 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
             Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
             Weight::Hat => 1.0 - error,
         };
-        let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + slope * (r.translation * offset);
+        let linear = slope * (r.translation * offset);
+        let second = r
+            .curve
+            .map_or(Color::ZERO, |c| Curve { hessian: c.hessian * (slope * slope), ..c }.term(offset, linear, r.irradiance));
+        let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second;
         sum += weight * value.max(Color::ZERO);
         weights += weight;
         errors += weight * error;
@@ -165,7 +169,7 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
                 position = b.min + (b.max - b.min) * Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32());
                 n = frame.to_world(square_to_cosine_hemisphere(rng.next_2d()));
             } else {
-                let radius = reach.radius(r.length, r.footprint).0;
+                let radius = reach.area(r).0.longest();
                 let offset = square_to_disk(rng.next_2d()).extend(0.1 * (rng.next_f32() - 0.5));
                 position += 1.1 * radius * frame.to_world(offset);
                 if k % 4 == 1 {

@@ -214,7 +214,11 @@ impl<'a> Filling<'a> {
         self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
         if self.cache.scheme.neighbour_clamp {
             let envelope = &self.envelope;
-            self.records.par_iter_mut().for_each(|r| r.length = envelope.value(r.position));
+            self.records.par_iter_mut().enumerate().for_each(|(id, r)| {
+                // The lowest value of another record: a record's own length does not bound its other axes.
+                let [first, second] = envelope.lowest_two(r.position);
+                r.clamp(if first.id == id as u32 { second.value } else { first.value });
+            });
         }
         self.reindex(false);
     }

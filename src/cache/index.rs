@@ -1,7 +1,8 @@
 //! The spatial index of records: an octree whose leaves list every record that may be valid in them.
 
 use super::fence::Fences;
-use super::record::{Reach, Record};
+use super::footprint::Footprint;
+use super::record::{Curve, Reach, Record};
 use super::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::{Color, Mat3, Vec3};
@@ -13,12 +14,20 @@ struct Entry {
     inverse_radius: f32,
     normal: Vec3,
     id: u32,
-    /// Index of its fences, `UNFENCED` if it has none.
-    fences: u32,
+    /// Where its [`Detail`] is, plus `SHAPED` if its area is no disc; `PLAIN` if it is one without fences.
+    detail: u32,
 }
 
-/// Marks a record without fences.
-const UNFENCED: u32 = u32::MAX;
+/// Marks a record that has no [`Detail`].
+const PLAIN: u32 = SHAPED - 1;
+/// Added to the index of a [`Detail`] whose area is no disc.
+const SHAPED: u32 = 1 << 31;
+
+/// What the search reads of the few records that pass the first test, and of none of those that are discs without fences.
+struct Detail {
+    area: Footprint,
+    fences: Fences,
+}
 
 /// What extrapolation reads of a record.
 #[derive(Clone, Copy)]
@@ -49,7 +58,9 @@ pub struct Index {
     nodes: Vec<Node>,
     entries: Vec<Entry>,
     payloads: Vec<Payload>,
-    fences: Vec<Fences>,
+    /// Of every record, for schemes that extrapolate to second order; else empty.
+    curves: Vec<Curve>,
+    details: Vec<Detail>,
     reach: Reach,
     normal_scale: f32,
     weight: Weight,
@@ -73,15 +84,18 @@ impl Index {
     pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
-        let mut fences = Vec::new();
+        let mut details = Vec::new();
+        let mut curves = Vec::new();
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
-            let (radius, gradient_scale) = reach.radius(r.length, r.footprint);
+            let (area, gradient_scale) = reach.area(r);
+            let radius = area.longest();
             let mut entry =
-                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, fences: UNFENCED };
-            if !r.fences.planes().is_empty() {
-                entry.fences = fences.len() as u32;
-                fences.push(r.fences);
+                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, detail: PLAIN };
+            let disc = matches!(area, Footprint::Disc { .. });
+            if !disc || !r.fences.planes().is_empty() {
+                entry.detail = details.len() as u32 + if disc { 0 } else { SHAPED };
+                details.push(Detail { area, fences: r.fences });
             }
             all.push(entry);
             payloads.push(Payload {
@@ -89,6 +103,11 @@ impl Index {
                 rotation: r.rotation,
                 translation: r.translation * gradient_scale,
             });
+            if let Some(mut curve) = r.curve {
+                // Where the radius was raised beyond what the error allows, the term must not grow with it, as the gradient's does not.
+                curve.hessian = curve.hessian * gradient_scale.powi(2);
+                curves.push(curve);
+            }
             bounds = bounds.with(r.position - radius).with(r.position + radius);
         }
         let (center, half) = if bounds.is_empty() {
@@ -102,7 +121,8 @@ impl Index {
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
             payloads,
-            fences,
+            curves,
+            details,
             reach,
             normal_scale: reach.normal_scale(),
             weight,
@@ -171,7 +191,14 @@ impl Index {
                 continue;
             }
             let d = d2.sqrt();
-            let error = self.reach.relative_error(d, e.inverse_radius, cosine, self.normal_scale);
+            let mut position = d * e.inverse_radius;
+            if e.detail >= SHAPED {
+                position = self.details[(e.detail - SHAPED) as usize].area.share(e.normal, offset);
+                if position >= 1.0 {
+                    continue;
+                }
+            }
+            let error = self.reach.relative_error(position, cosine, self.normal_scale);
             if error >= 1.0 {
                 continue;
             }
@@ -179,7 +206,7 @@ impl Index {
             if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
                 continue;
             }
-            if e.fences != UNFENCED && !self.fences[e.fences as usize].admit(at.position) {
+            if e.detail != PLAIN && !self.details[(e.detail & PLAIN) as usize].fences.admit(at.position) {
                 continue;
             }
             visit(e, error);
@@ -194,7 +221,7 @@ impl Index {
     }
 
     /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92]. `None` where no record is valid.
+    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
         let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
         self.valid(at, limit, |e, error| {
@@ -205,7 +232,12 @@ impl Index {
                 Weight::Hat => 1.0 - error,
             };
             let p = &self.payloads[e.id as usize];
-            let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * (at.position - e.position);
+            let offset = at.position - e.position;
+            let first = p.translation * offset;
+            let mut value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + first;
+            if let Some(curve) = self.curves.get(e.id as usize) {
+                value += curve.term(offset, first, p.irradiance);
+            }
             sum += w * value.max(Color::ZERO);
             weights += w;
             errors += w * error;
@@ -219,5 +251,7 @@ impl Index {
         self.nodes.len() * size_of::<Node>()
             + self.entries.len() * size_of::<Entry>()
             + self.payloads.len() * size_of::<Payload>()
+            + self.curves.len() * size_of::<Curve>()
+            + self.details.len() * size_of::<Detail>()
     }
 }

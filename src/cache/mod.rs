@@ -7,16 +7,19 @@
 mod envelope;
 mod fence;
 mod fill;
+mod footprint;
 mod index;
+mod metric;
 mod record;
 mod scheme;
 
 pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
 pub use fill::{FillStats, LevelPoints};
+pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
-pub use record::{Reach, Record};
-pub use scheme::{Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};
+pub use record::{Curve, Reach, Record};
+pub use scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;

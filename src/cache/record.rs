@@ -1,13 +1,39 @@
 //! One cache record, how it is made from a gather, and how far it reaches.
 
 use super::fence::Fences;
-use super::scheme::{Kernel, Metric, Scheme};
-use crate::gather::HemisphereSamples;
+use super::footprint::Footprint;
+use super::metric;
+use super::scheme::{Extrapolation, Kernel, Scheme};
+use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
-use crate::math::{Color, Mat3, Vec3, luminance};
+use crate::math::{Color, Mat3, Vec2, Vec3, luminance};
 
 /// sqrt(1 - cos 10°): the normal deviation at which a record of [Tabellion04] ends.
 const TABELLION_NORMAL: f32 = 0.123_257;
+
+/// The normal deviation at which a record of [`Kernel::Schwarzhaupt`] ends: 1 - cos 0.2 rad.
+const SCHWARZHAUPT_NORMAL: f32 = 0.019_933_4;
+/// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
+const SECOND_ORDER: f32 = 0.25;
+
+/// The second-order part of a record's extrapolation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Curve {
+    /// Tangents that the Hessian refers to.
+    pub tangents: [Vec3; 2],
+    /// The Hessian of irradiance.
+    pub hessian: Hessian,
+}
+
+impl Curve {
+    /// `½ xᵀHx` at the offset x, no larger than the first-order change `first` and a quarter of `irradiance` together, in each channel.
+    #[inline]
+    pub fn term(&self, offset: Vec3, first: Color, irradiance: Color) -> Color {
+        let x = Vec2::new(offset.dot(self.tangents[0]), offset.dot(self.tangents[1]));
+        let most = first.abs() + SECOND_ORDER * irradiance;
+        (0.5 * self.hessian.apply(x, x)).clamp(-most, most)
+    }
+}
 
 /// Irradiance of indirect light at a point, with what is needed to use it nearby. World space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,9 +48,15 @@ pub struct Record {
     pub rotation: Mat3,
     /// Takes `x - x_i` to the change of irradiance.
     pub translation: Mat3,
-    /// R_i as the gather gave it, clamped by its own gradient; neighbours and pixels do not touch it.
+    /// How irradiance bends with translation, for schemes that extrapolate to second order.
+    pub curve: Option<Curve>,
+    /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours and pixels do not touch them.
+    pub shape: Footprint,
+    /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are not asked.
+    pub limit: f32,
+    /// R_i: the shortest of `shape`.
     pub length_unclamped: f32,
-    /// R_i after neighbour clamping.
+    /// R_i after neighbour clamping: no more than `limit`.
     pub length: f32,
     /// Diameter of a pixel at the record, world units.
     pub footprint: f32,
@@ -39,40 +71,55 @@ impl Record {
     pub fn new(scheme: &Scheme, reach: &Reach, at: &SurfacePoint, samples: &HemisphereSamples) -> Self {
         let irradiance = samples.irradiance();
         let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
-        let gradient = samples.translational_gradient(scheme.translational_gradient);
-        let mut length = match scheme.metric {
-            Metric::Harmonic => samples.harmonic_distance(),
-            Metric::Minimum => samples.minimum_distance(),
-            Metric::MinimumRestricted => samples.minimum_distance_restricted(),
-        };
+        let derivatives = metric::derivatives(scheme, samples);
+        let gradient = derivatives.gradient;
+        let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, reach.scene_size);
         if scheme.nearest_fraction > 0.0 {
-            length = length.min(scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction));
+            let nearest = scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction);
+            shape = shape.map(|r| r.min(nearest));
         }
         if scheme.gradient_clamp {
             // Luminance, not the smallest channel: a channel that is nearly black would shrink every record beside a coloured wall.
-            let slope = luminance(gradient.s).hypot(luminance(gradient.t));
+            let slope = [luminance(gradient.s), luminance(gradient.t)];
             let value = luminance(irradiance);
-            if value > 0.0 && slope > 0.0 {
-                length = length.min(value / slope);
-            }
+            shape = shape.bounded(at.frame.n, |axis| {
+                let slope = match axis {
+                    Some(u) => (slope[0] * u.dot(at.frame.s) + slope[1] * u.dot(at.frame.t)).abs(),
+                    None => slope[0].hypot(slope[1]),
+                };
+                if value > 0.0 && slope > 0.0 { value / slope } else { f32::INFINITY }
+            });
         }
         let fences = if scheme.fences {
-            Fences::new(samples, at.position, reach.radius(length, at.footprint).0)
+            Fences::new(samples, at.position, reach.radius(shape.longest(), at.footprint).0)
         } else {
             Fences::default()
         };
+        let length = shape.shortest();
         Self {
             position: at.position,
             normal: at.frame.n,
             irradiance,
             rotation,
             translation: gradient.to_world(&at.frame),
+            curve: (scheme.extrapolation == Extrapolation::Second)
+                .then_some(Curve { tangents: [at.frame.s, at.frame.t], hessian: derivatives.hessian }),
+            shape,
+            limit: f32::INFINITY,
             length_unclamped: length,
             length,
             footprint: at.footprint,
             sigma: samples.sigma(),
             fences,
         }
+    }
+
+    /// Bounds every length by what the neighbours allow.
+    ///
+    /// For an ellipse or sectors the neighbours are asked for their shortest lengths: R_i along each axis is at most `R_j,min + |x_i - x_j|`.
+    pub fn clamp(&mut self, limit: f32) {
+        self.limit = limit;
+        self.length = self.length_unclamped.min(limit);
     }
 }
 
@@ -81,10 +128,12 @@ impl Record {
 pub struct Reach {
     kernel: Kernel,
     error: f32,
+    scale: f32,
     smoothing: f32,
     min_pixels: f32,
     max_pixels: f32,
     max_radius: f32,
+    scene_size: f32,
 }
 
 impl Reach {
@@ -93,11 +142,13 @@ impl Reach {
         Self {
             kernel: scheme.kernel,
             error: scheme.error_at(level),
+            scale: scheme.radius_scale(level),
             smoothing,
             min_pixels: scheme.min_pixels,
             // Pixels bound records from above for the eye's sake; it does not see the deeper levels.
             max_pixels: if level == 0 { scheme.max_pixels } else { 0.0 },
             max_radius: scheme.max_radius * scene_size,
+            scene_size,
         }
     }
 
@@ -105,32 +156,41 @@ impl Reach {
     /// translational gradient must shrink because a lower limit has raised the radius: over the larger area the linear term must not grow.
     pub fn radius(&self, length: f32, footprint: f32) -> (f32, f32) {
         let wanted = match self.kernel {
-            Kernel::Ward => self.error * length,
+            Kernel::Ward | Kernel::Schwarzhaupt => self.scale * length,
             Kernel::Tabellion => 0.5 * length,
         };
         let upper = if self.max_pixels > 0.0 { self.max_radius.min(self.max_pixels * footprint) } else { self.max_radius };
         let lower = (self.min_pixels * footprint).min(upper).max(1e-6 * self.max_radius);
         let clamped = wanted.clamp(lower, upper);
-        let scale = if self.kernel == Kernel::Tabellion { self.error } else { 1.0 };
+        let scale = if self.kernel == Kernel::Tabellion { self.scale } else { 1.0 };
         (clamped * scale * self.smoothing, (wanted / clamped).min(1.0))
     }
 
-    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error.
+    /// The area in which `record` is valid, by its position alone: each length turned into a radius. Returns also the factor for its gradient, see [`Reach::radius`].
+    pub fn area(&self, record: &Record) -> (Footprint, f32) {
+        let (_, slope) = self.radius(record.length, record.footprint);
+        (record.shape.map(|r| self.radius(r.min(record.limit), record.footprint).0), slope)
+    }
+
+    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error, or the root of one.
     pub fn normal_scale(&self) -> f32 {
         match self.kernel {
             Kernel::Ward => 1.0 / (self.error * self.smoothing),
             Kernel::Tabellion => 1.0 / (TABELLION_NORMAL * self.error * self.smoothing),
+            Kernel::Schwarzhaupt => 1.0 / (SCHWARZHAUPT_NORMAL.sqrt() * self.smoothing),
         }
     }
 
-    /// The error at distance `d` of a record of radius `1/inverse_radius` with normal cosine `cosine`, as a share of the allowed one.
+    /// The error of a record as a share of the allowed one: `position` is the distance as a share of its area's extent, [`Footprint::share`], `cosine` that
+    /// of the normals.
     #[inline]
-    pub fn relative_error(&self, d: f32, inverse_radius: f32, cosine: f32, normal_scale: f32) -> f32 {
-        let position = d * inverse_radius;
+    pub fn relative_error(&self, position: f32, cosine: f32, normal_scale: f32) -> f32 {
         let normal = (1.0 - cosine).max(0.0).sqrt() * normal_scale;
         match self.kernel {
             Kernel::Ward => position + normal,
             Kernel::Tabellion => position.max(normal),
+            // Where the normal alone is too far off, the product could deceive.
+            Kernel::Schwarzhaupt => 1.0 - (1.0 - position) * (1.0 - normal * normal).max(0.0),
         }
     }
 }

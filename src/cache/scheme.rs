@@ -1,7 +1,7 @@
 //! A caching scheme as plain data, and the published ones as rows of a table.
 
 use crate::error::{Error, Result};
-use crate::gather::{Density, Layout, TranslationalGradient};
+use crate::gather::{Density, Layout, TranslationalGradient, TriangleRadiance};
 use serde::{Deserialize, Serialize};
 
 /// The length R_i from which a record's radius of validity is made.
@@ -14,6 +14,46 @@ pub enum Metric {
     Minimum,
     /// Smallest distance over the rays more than 10° above the tangent plane [Tabellion04].
     MinimumRestricted,
+    /// From the gradient of irradiance: the error of using a record's value unchanged.
+    Gradient,
+    /// From the Hessian of irradiance on the triangulated hemisphere, which knows of occlusion: the error of using a record with its gradient [Schwarzhaupt12].
+    Hessian,
+    /// From the Hessian by which all that a gather sees stays visible [Jarosz12].
+    UnoccludedHessian,
+}
+
+/// Which error is bounded by metrics that estimate one; both are relative to the irradiance at the record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ErrorMeasure {
+    /// The integral over the record's area, as a share of irradiance times the square of the scene's diagonal [Schwarzhaupt12]. Small areas may err more.
+    Total,
+    /// The mean over the record's area, as a share of irradiance.
+    Average,
+}
+
+/// What outline the areas of records have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FootprintKind {
+    /// Discs.
+    Disc,
+    /// Ellipses whose aspect is the fourth root of the eigenvalues' ratio [Schwarzhaupt12].
+    Ellipse,
+    /// Ellipses whose aspect is the square root of it: the largest for a given error.
+    OptimalEllipse,
+    /// Eight radii, each from the curvature of irradiance in its sector.
+    Sectors,
+}
+
+/// How a record's irradiance is continued beyond its position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Extrapolation {
+    /// By its gradients.
+    First,
+    /// By its gradients and its Hessian on the triangulated hemisphere, the second-order term being limited to the first-order one plus a quarter of the irradiance [Zhao, Eq. 3.18].
+    Second,
 }
 
 /// How the error of using a record elsewhere is estimated.
@@ -24,6 +64,8 @@ pub enum Kernel {
     Ward,
     /// `max(|x - x_i|/(R_i/2), sqrt(1 - n·n_i)/sqrt(1 - cos 10°))`, valid below `error` [Tabellion04, Eq. 3-5].
     Tabellion,
+    /// `1 - (1 - t)(1 - ν)`, t being the position as a share of the record's extent and `ν = (1 - n·n_i)/(1 - cos 0.2 rad)`, valid below 1 [Schwarzhaupt12].
+    Schwarzhaupt,
 }
 
 /// How valid records are weighed, as a function of e, their error as a share of the allowed one.
@@ -76,6 +118,14 @@ pub struct Scheme {
     pub noise: f32,
     /// What R_i is.
     pub metric: Metric,
+    /// Which error a metric that estimates one bounds.
+    pub error_measure: ErrorMeasure,
+    /// The outline of the area; other than discs only for the Hessian metrics.
+    pub footprint: FootprintKind,
+    /// Longest radius of an ellipse or of a sector as a multiple of the record's shortest one.
+    pub max_aspect: f32,
+    /// The radiance of triangles on the triangulated hemisphere.
+    pub triangle_radiance: TriangleRadiance,
     /// Upper bound of R_i: the mean distance of this nearest fraction of the rays, times `nearest_scale`; 0 switches it off.
     pub nearest_fraction: f32,
     /// See `nearest_fraction`.
@@ -84,7 +134,7 @@ pub struct Scheme {
     pub kernel: Kernel,
     /// The weights of valid records.
     pub weight: Weight,
-    /// The allowed error: a of [Ward88], 1/κ of [Tabellion04].
+    /// The allowed error: a of [Ward88], 1/κ of [Tabellion04], ε for metrics that estimate an error.
     pub error: f32,
     /// Factor on `error` from one level to the next deeper one.
     pub deeper_error: f32,
@@ -94,7 +144,9 @@ pub struct Scheme {
     pub rotational_gradient: bool,
     /// Extrapolate along the position's translation.
     pub translational_gradient: TranslationalGradient,
-    /// Bound R_i by `E/|∇E|` [Krivanek06, Eq. 2].
+    /// Extrapolate to first or to second order.
+    pub extrapolation: Extrapolation,
+    /// Bound R_i by `E/|∇E|` [Krivanek06, Eq. 2], the radius along an axis v by `E/|∇E·v|`.
     pub gradient_clamp: bool,
     /// Bound R_i by `R_j + |x_i - x_j|` for all records j [Krivanek06, Sec. 5.3].
     pub neighbour_clamp: bool,
@@ -154,6 +206,10 @@ fn ward88() -> Scheme {
         deeper_rays: 0.25,
         noise: 0.0,
         metric: Metric::Harmonic,
+        error_measure: ErrorMeasure::Average,
+        footprint: FootprintKind::Disc,
+        max_aspect: 2.0,
+        triangle_radiance: TriangleRadiance::Hybrid,
         nearest_fraction: 0.0,
         nearest_scale: 1.0,
         kernel: Kernel::Ward,
@@ -163,6 +219,7 @@ fn ward88() -> Scheme {
         smoothing: 1.0,
         rotational_gradient: false,
         translational_gradient: TranslationalGradient::None,
+        extrapolation: Extrapolation::First,
         gradient_clamp: false,
         neighbour_clamp: false,
         min_pixels: 1.5,
@@ -223,6 +280,31 @@ fn scotty3d() -> Scheme {
     }
 }
 
+fn jarosz12() -> Scheme {
+    Scheme {
+        strata: Strata::Concentric,
+        metric: Metric::UnoccludedHessian,
+        error_measure: ErrorMeasure::Total,
+        footprint: FootprintKind::Ellipse,
+        kernel: Kernel::Schwarzhaupt,
+        weight: Weight::Hat,
+        error: 2e-5,
+        // Radii grow as the fourth root of it: by 1.5, as elsewhere.
+        deeper_error: 5.0,
+        rotational_gradient: true,
+        translational_gradient: TranslationalGradient::PerSample,
+        gradient_clamp: true,
+        min_pixels: 1.0,
+        passes: 2,
+        order: Order::Hashed,
+        ..ward88()
+    }
+}
+
+fn schwarzhaupt12() -> Scheme {
+    Scheme { metric: Metric::Hessian, translational_gradient: TranslationalGradient::Triangulated, ..jarosz12() }
+}
+
 fn auto() -> Scheme {
     Scheme {
         rays: 512,
@@ -270,6 +352,18 @@ pub const PRESETS: &[Preset] = &[
         scheme: scotty3d,
     },
     Preset {
+        name: "jarosz12",
+        source: "Jarosz et al. 2012",
+        summary: "ellipses from the Hessian of irradiance, blind to occlusion",
+        scheme: jarosz12,
+    },
+    Preset {
+        name: "schwarzhaupt12",
+        source: "Schwarzhaupt et al. 2012",
+        summary: "ellipses from the Hessian and the gradient on the triangulated hemisphere, which know of occlusion",
+        scheme: schwarzhaupt12,
+    },
+    Preset {
         name: "auto",
         source: "Lumicache",
         summary: "ward-heckbert92 with neighbour clamping, fences, bounded radii and smooth weights (default)",
@@ -294,10 +388,35 @@ impl Scheme {
         self.error * self.deeper_error.powi(i32::from(level))
     }
 
-    /// Spends about `quality` times the work: as many more rays per record and, since the number of records grows with 1/error², a smaller error.
+    /// The power of the allowed error with which radii grow.
+    fn radius_power(&self) -> f32 {
+        match (self.metric, self.error_measure) {
+            (Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted, _) | (Metric::Gradient, ErrorMeasure::Average) => {
+                1.0
+            }
+            (Metric::Gradient, ErrorMeasure::Total) => 1.0 / 3.0,
+            (Metric::Hessian | Metric::UnoccludedHessian, ErrorMeasure::Average) => 0.5,
+            (Metric::Hessian | Metric::UnoccludedHessian, ErrorMeasure::Total) => 0.25,
+        }
+    }
+
+    /// What a record's lengths are multiplied by on `level` while it is being filled, to become radii.
+    pub fn radius_scale(&self, level: u8) -> f32 {
+        let (error, power) = (self.error_at(level), self.radius_power());
+        if power == 1.0 { error } else { error.powf(power) }
+    }
+
+    /// True if some estimate needs the triangulated hemisphere.
+    pub fn triangulates(&self) -> bool {
+        self.metric == Metric::Hessian
+            || self.translational_gradient == TranslationalGradient::Triangulated
+            || self.extrapolation == Extrapolation::Second
+    }
+
+    /// Spends about `quality` times the work: as many more rays per record and, since the number of records grows with the inverse square of radii, a smaller error.
     pub fn scale_quality(&mut self, quality: f32) {
         self.rays = (self.rays as f32 * quality.sqrt()).round().clamp(16.0, 1e6) as u32;
-        self.error *= quality.powf(-0.25);
+        self.error *= quality.powf(-0.25 / self.radius_power());
     }
 
     /// Sets the field called `key` to `value`, written as in the output of `lumicache presets`.
@@ -335,7 +454,12 @@ impl Scheme {
         if !(positive(self.deeper_rays) && self.deeper_rays <= 4.0) {
             return fail("setting `deeper_rays` must be above 0 and at most 4");
         }
-        for (name, value) in [("error", self.error), ("deeper_error", self.deeper_error), ("nearest_scale", self.nearest_scale)] {
+        for (name, value) in [
+            ("error", self.error),
+            ("deeper_error", self.deeper_error),
+            ("nearest_scale", self.nearest_scale),
+            ("max_aspect", self.max_aspect),
+        ] {
             if !positive(value) {
                 return fail(&format!("setting `{name}` must be above 0"));
             }
@@ -372,6 +496,17 @@ impl Scheme {
             && (self.strata, self.density) != (Strata::Polar, Density::Cosine)
         {
             return fail("the translational gradient `ward-heckbert` needs strata `polar` and density `cosine`");
+        }
+        if self.triangulates() && self.strata != Strata::Concentric {
+            return fail(
+                "the metric `hessian`, the translational gradient `triangulated` and the extrapolation `second` need strata `concentric`",
+            );
+        }
+        if self.max_aspect < 1.0 {
+            return fail("setting `max_aspect` must be at least 1");
+        }
+        if self.footprint != FootprintKind::Disc && !matches!(self.metric, Metric::Hessian | Metric::UnoccludedHessian) {
+            return fail("only the metrics `hessian` and `unoccluded-hessian` have another footprint than `disc`");
         }
         Ok(())
     }

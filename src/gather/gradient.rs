@@ -1,6 +1,6 @@
 //! Gradients of irradiance from the samples of one hemisphere.
 
-use super::{HemisphereSamples, Layout};
+use super::{HemisphereSamples, Layout, TriangleRadiance};
 use crate::math::{Color, Frame, Mat3, Vec2};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
@@ -40,10 +40,12 @@ pub enum TranslationalGradient {
     WardHeckbert,
     /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density, but blind to occlusion changes.
     PerSample,
+    /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Concentric layout only, any density.
+    Triangulated,
 }
 
 /// cos ξ at a hit is not taken below this in the per-sample gradient: 1/cos ξ has no finite variance.
-const MIN_COS_HIT: f32 = 0.05;
+pub(super) const MIN_COS_HIT: f32 = 0.05;
 
 impl HemisphereSamples {
     /// Rotational gradient `G = Σ Ω_k L_k (n × w_k)`: for the normal n' = n + α × n with small α, `E(n') = E + α·G`, and for a near normal n' `α = n × n'` [WardHeckbert92].
@@ -65,12 +67,14 @@ impl HemisphereSamples {
     /// The translational gradient by the method `kind`.
     ///
     /// # Panics
-    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one; schemes are checked for it when they are made.
+    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one, for [`TranslationalGradient::Triangulated`] on another than the concentric one; schemes are checked for
+    /// it when they are made.
     pub fn translational_gradient(&self, kind: TranslationalGradient) -> Gradient {
         match kind {
             TranslationalGradient::None => Gradient::default(),
             TranslationalGradient::WardHeckbert => self.ward_heckbert(),
             TranslationalGradient::PerSample => self.per_sample(),
+            TranslationalGradient::Triangulated => self.triangulated(TriangleRadiance::Hybrid).gradient,
         }
     }
 

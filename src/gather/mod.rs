@@ -4,12 +4,17 @@
 //! [`HemisphereSamples`] turn that into irradiance, its error, distances to the surroundings and gradients. Local directions are in the frame of the surface point:
 //! z is the shading normal.
 
+mod edge;
 mod estimate;
 mod gradient;
+mod hessian;
 mod layout;
+mod triangulation;
 
 pub use gradient::{Gradient, TranslationalGradient};
+pub use hessian::{Derivatives, Hessian};
 pub use layout::{Density, Layout};
+pub use triangulation::TriangleRadiance;
 
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3};

@@ -3,7 +3,7 @@
 use super::settings::Settings;
 use crate::cache::{Cache, Reach};
 use crate::film::Film;
-use crate::math::{Color, Frame, Vec2, Vec3};
+use crate::math::{Color, Vec2, Vec3};
 use glam::Mat4;
 
 /// What [`draw`] makes.
@@ -36,15 +36,12 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
         let Some(filled) = cache.level(level) else { continue };
         let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
         for record in filled.records() {
-            let frame = Frame::from_normal(record.normal);
-            let (radius, _) = reach.radius(record.length, record.footprint);
+            let (area, _) = reach.area(record);
             canvas.dot(record.position, level);
-            if radius < OUTLINED * record.footprint {
-                continue;
-            }
-            for k in 0..OUTLINE {
-                let (sin, cos) = (std::f32::consts::TAU * k as f32 / OUTLINE as f32).sin_cos();
-                canvas.point(record.position + radius * (cos * frame.s + sin * frame.t), level, 0.5);
+            if area.longest() >= OUTLINED * record.footprint {
+                for p in area.outline(record.position, record.normal, OUTLINE) {
+                    canvas.point(p, level, 0.5);
+                }
             }
         }
     }

@@ -1,0 +1,235 @@
+//! The area in which a record may be used: a disc, an ellipse, or eight sectors of their own radius.
+
+use crate::math::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
+
+/// Axes of [`Footprint::Sectors`].
+pub const SECTORS: usize = 8;
+
+/// Unit vectors at the azimuths 45° k; the ninth is the first again.
+const AXES: [Vec2; SECTORS + 1] = [
+    Vec2::X,
+    Vec2::splat(FRAC_1_SQRT_2),
+    Vec2::Y,
+    Vec2::new(-FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    Vec2::NEG_X,
+    Vec2::splat(-FRAC_1_SQRT_2),
+    Vec2::NEG_Y,
+    Vec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+    Vec2::X,
+];
+
+/// The shape of a record's area around its normal, and its size along each axis.
+///
+/// The same type holds what a gather says of it, the lengths R_i before any limit ([`Record::shape`](super::Record)), and the radii that follow from those
+/// ([`Reach::area`](super::Reach::area)). World space, scene units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Footprint {
+    /// The same in all directions.
+    Disc {
+        /// Radius.
+        r: f32,
+    },
+    /// Two axes at right angles.
+    Ellipse {
+        /// Unit tangent along the shorter axis; the other one is `normal × axis`.
+        axis: Vec3,
+        /// Semi-axes, the shorter one first.
+        r: [f32; 2],
+    },
+    /// Eight axes; between two neighbouring ones the boundary runs as in [`Footprint::boundary`].
+    Sectors {
+        /// Unit tangent of axis 0; axis k lies 45° k from it, counter-clockwise about the normal.
+        axis: Vec3,
+        /// Radius along each axis.
+        r: [f32; SECTORS],
+    },
+}
+
+impl Footprint {
+    /// The radii along its axes.
+    pub fn radii(&self) -> &[f32] {
+        match self {
+            Self::Disc { r } => std::slice::from_ref(r),
+            Self::Ellipse { r, .. } => r,
+            Self::Sectors { r, .. } => r,
+        }
+    }
+
+    /// The smallest radius.
+    pub fn shortest(&self) -> f32 {
+        self.radii().iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
+    /// The largest radius: no point of the area is further away.
+    pub fn longest(&self) -> f32 {
+        self.radii().iter().copied().fold(0.0, f32::max)
+    }
+
+    /// The same shape with each radius `r` replaced by `f(r)`, which must not decrease with r.
+    #[must_use]
+    pub fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
+        match &mut self {
+            Self::Disc { r } => *r = f(*r),
+            Self::Ellipse { r, .. } => *r = r.map(f),
+            Self::Sectors { r, .. } => *r = r.map(f),
+        }
+        self
+    }
+
+    /// Bounds each radius by `bound(Some(u))`, u being the unit tangent along its axis; a disc, which has no axes, by `bound(None)`.
+    #[must_use]
+    pub fn bounded(mut self, normal: Vec3, bound: impl Fn(Option<Vec3>) -> f32) -> Self {
+        match &mut self {
+            Self::Disc { r } => *r = r.min(bound(None)),
+            Self::Ellipse { axis, r } => {
+                r[0] = r[0].min(bound(Some(*axis)));
+                r[1] = r[1].min(bound(Some(normal.cross(*axis))));
+                if r[1] < r[0] {
+                    (*axis, *r) = (normal.cross(*axis), [r[1], r[0]]);
+                }
+            }
+            Self::Sectors { axis, r } => {
+                let t = normal.cross(*axis);
+                for (r, a) in r.iter_mut().zip(&AXES) {
+                    *r = r.min(bound(Some(a.x * *axis + a.y * t)));
+                }
+            }
+        }
+        self
+    }
+
+    /// The distance of a point at `offset` from the record, as a share of the area's extent in its direction: below 1 inside.
+    ///
+    /// An ellipse measures `sqrt((d·v_1/r_1)² + (d·v_2/r_2)² + (d·n/r_1)²)` with r_1 the shorter semi-axis [Schwarzhaupt12]; sectors put the boundary radius in the place of
+    /// the first two terms and the smallest radius in that of the third.
+    #[inline]
+    pub fn share(&self, normal: Vec3, offset: Vec3) -> f32 {
+        match self {
+            Self::Disc { r } => offset.length() / r,
+            Self::Ellipse { axis, r } => {
+                let (x, y, z) = (offset.dot(*axis), offset.dot(normal.cross(*axis)), offset.dot(normal));
+                ((x * x + z * z) / (r[0] * r[0]) + y * y / (r[1] * r[1])).sqrt()
+            }
+            Self::Sectors { axis, .. } => {
+                let flat = Vec2::new(offset.dot(*axis), offset.dot(normal.cross(*axis)));
+                let height = offset.dot(normal) / self.shortest();
+                (flat.length_squared() / self.boundary(flat).powi(2) + height * height).sqrt()
+            }
+        }
+    }
+
+    /// The radius in the direction `v`, any length, in the plane of `axis` and `normal × axis`.
+    ///
+    /// Sectors: between the axes k and k + 1 the boundary is `(1-t) r_k + t r_{k+1}`, t being where the ray meets the chord between their ends:
+    /// `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k [Ribardiere11, Eq. 10].
+    #[inline]
+    pub fn boundary(&self, v: Vec2) -> f32 {
+        match self {
+            Self::Disc { r } => *r,
+            Self::Ellipse { r, .. } => {
+                let length = v.length();
+                if length > 0.0 { length / (v / Vec2::from(*r)).length() } else { r[0] }
+            }
+            Self::Sectors { r, .. } => {
+                let steep = v.y.abs() > v.x.abs();
+                let k = match (v.y >= 0.0, v.x >= 0.0) {
+                    (true, true) => usize::from(steep),
+                    (true, false) => 3 - usize::from(steep),
+                    (false, false) => 4 + usize::from(steep),
+                    (false, true) => 7 - usize::from(steep),
+                };
+                let (near, far) = (r[k], r[(k + 1) % SECTORS]);
+                let (a, b) = (near * AXES[k].perp_dot(v).max(0.0), far * v.perp_dot(AXES[k + 1]).max(0.0));
+                let t = if a + b > 0.0 { a / (a + b) } else { 0.0 };
+                near + t * (far - near)
+            }
+        }
+    }
+
+    /// The first tangent of the area; any one for a disc.
+    pub fn axis(&self, normal: Vec3) -> Vec3 {
+        match self {
+            Self::Disc { .. } => normal.any_orthonormal_vector(),
+            Self::Ellipse { axis, .. } | Self::Sectors { axis, .. } => *axis,
+        }
+    }
+
+    /// `count` points of the boundary around `position`, in order.
+    pub fn outline(&self, position: Vec3, normal: Vec3, count: usize) -> impl Iterator<Item = Vec3> {
+        let (area, s) = (*self, self.axis(normal));
+        let t = normal.cross(s);
+        (0..count).map(move |k| {
+            let (sin, cos) = (8.0 * FRAC_PI_4 * k as f32 / count as f32).sin_cos();
+            position + area.boundary(Vec2::new(cos, sin)) * (cos * s + sin * t)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::Rng;
+
+    fn shapes() -> [Footprint; 3] {
+        [
+            Footprint::Disc { r: 0.5 },
+            Footprint::Ellipse { axis: Vec3::Y, r: [0.3, 0.8] },
+            Footprint::Sectors { axis: Vec3::X, r: [0.3, 0.5, 0.8, 0.2, 0.4, 0.4, 0.9, 0.6] },
+        ]
+    }
+
+    #[test]
+    fn outlines_lie_where_the_share_is_one() {
+        for shape in shapes() {
+            for p in shape.outline(Vec3::ZERO, Vec3::Z, 37) {
+                assert!((shape.share(Vec3::Z, p) - 1.0).abs() < 1e-5, "{shape:?} {p}");
+                assert!(p.length() <= shape.longest() * 1.00001 && p.length() >= shape.shortest() * 0.99999);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_inside_is_further_away_than_the_longest_radius() {
+        let mut rng = Rng::new(3);
+        for shape in shapes() {
+            for _ in 0..10_000 {
+                let d = Vec3::from_array(std::array::from_fn(|_| 2.0 * rng.next_f32() - 1.0));
+                let share = shape.share(Vec3::Z, d);
+                assert!(share >= 0.9999 * d.length() / shape.longest(), "{shape:?} {d}");
+                assert!((shape.share(Vec3::Z, 2.0 * d) - 2.0 * share).abs() < 1e-4 * share);
+            }
+        }
+    }
+
+    #[test]
+    fn equal_sectors_are_a_disc_and_axes_are_met_exactly() {
+        let round = Footprint::Sectors { axis: Vec3::X, r: [0.7; SECTORS] };
+        let Footprint::Sectors { r, .. } = shapes()[2] else { unreachable!() };
+        for k in 0..360 {
+            let (sin, cos) = (k as f32).to_radians().sin_cos();
+            assert!((round.boundary(Vec2::new(cos, sin)) - 0.7).abs() < 1e-6);
+            if k % 45 == 0 {
+                assert!((shapes()[2].boundary(Vec2::new(cos, sin)) - r[k / 45]).abs() < 1e-5, "{k}");
+            }
+        }
+        assert!(round.boundary(Vec2::ZERO) == 0.7);
+    }
+
+    #[test]
+    fn bounds_act_along_the_axes() {
+        // Nothing beyond 0.25 along x, 0.1 along y.
+        let bound = |u: Option<Vec3>| match u {
+            Some(u) if u.x.abs() > 0.9 => 0.25,
+            Some(u) if u.y.abs() < 0.9 => f32::INFINITY,
+            _ => 0.1,
+        };
+        let [disc, ellipse, sectors] = shapes().map(|s| s.bounded(Vec3::Z, bound));
+        assert_eq!(disc, Footprint::Disc { r: 0.1 });
+        // The axes change places: y is still the shorter one.
+        assert_eq!(ellipse, Footprint::Ellipse { axis: Vec3::Y, r: [0.1, 0.25] });
+        assert_eq!(sectors.radii(), [0.25, 0.5, 0.1, 0.2, 0.25, 0.4, 0.1, 0.6]);
+        let swapped = shapes()[1].bounded(Vec3::Z, |u| if u.unwrap().x.abs() > 0.9 { 0.2 } else { f32::INFINITY });
+        assert_eq!(swapped, Footprint::Ellipse { axis: Vec3::NEG_X, r: [0.2, 0.3] });
+    }
+}
