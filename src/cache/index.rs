@@ -13,6 +13,8 @@ struct Entry {
     inverse_radius: f32,
     normal: Vec3,
     id: u32,
+    /// The level's allowed error over the record's own.
+    inverse_share: f32,
     /// Index of its fences, `UNFENCED` if it has none.
     fences: u32,
 }
@@ -64,6 +66,8 @@ pub struct Answer {
     pub irradiance: Color,
     /// Weighted mean of their errors as a share of the allowed one, in [0, 1).
     pub error: f32,
+    /// Weighted mean of the errors a_i that they are allowed.
+    pub allowed: f32,
     /// Number of records that took part.
     pub records: u32,
 }
@@ -77,8 +81,16 @@ impl Index {
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
             let (radius, gradient_scale) = reach.radius(r.length, r.footprint);
-            let mut entry =
-                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, fences: UNFENCED };
+            let share = reach.share(r);
+            let radius = share * radius;
+            let mut entry = Entry {
+                position: r.position,
+                inverse_radius: 1.0 / radius,
+                normal: r.normal,
+                id: id as u32,
+                inverse_share: 1.0 / share,
+                fences: UNFENCED,
+            };
             if !r.fences.planes().is_empty() {
                 entry.fences = fences.len() as u32;
                 fences.push(r.fences);
@@ -171,7 +183,7 @@ impl Index {
                 continue;
             }
             let d = d2.sqrt();
-            let error = self.reach.relative_error(d, e.inverse_radius, cosine, self.normal_scale);
+            let error = self.reach.relative_error(d, e.inverse_radius, cosine, self.normal_scale * e.inverse_share);
             if error >= 1.0 {
                 continue;
             }
@@ -196,22 +208,19 @@ impl Index {
     /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
     /// [WardHeckbert92]. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
-        let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
+        let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
         self.valid(at, limit, |e, error| {
-            let w = match self.weight {
-                // The bound keeps a point on a record finite; the record then outweighs all others.
-                Weight::Inverse => 1.0 / error.max(1e-6),
-                Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
-                Weight::Hat => 1.0 - error,
-            };
+            let w = self.weight.at(error, e.inverse_share);
             let p = &self.payloads[e.id as usize];
             let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * (at.position - e.position);
             sum += w * value.max(Color::ZERO);
             weights += w;
             errors += w * error;
+            shares += w / e.inverse_share;
             records += 1;
         });
-        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records })
+        let allowed = self.reach.allowed_error() * shares / weights;
+        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, allowed, records })
     }
 
     /// Bytes that the index occupies.

@@ -37,7 +37,7 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
         let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
         for record in filled.records() {
             let frame = Frame::from_normal(record.normal);
-            let (radius, _) = reach.radius(record.length, record.footprint);
+            let radius = reach.share(record) * reach.radius(record.length, record.footprint).0;
             canvas.dot(record.position, level);
             if radius < OUTLINED * record.footprint {
                 continue;
