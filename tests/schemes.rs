@@ -122,9 +122,10 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
     for r in first(cache).records().iter().take(limit) {
         let (radius, slope) = reach.radius(r.length, r.footprint);
+        let share = r.error / scheme.error;
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
         let d = offset.length();
-        let error = reach.relative_error(d, 1.0 / radius, cosine, reach.normal_scale());
+        let error = reach.relative_error(d, 1.0 / radius, cosine, reach.normal_scale()) / share;
         let in_front = 0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
         if cosine <= 0.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
             continue;
@@ -133,8 +134,8 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
             continue;
         }
         let weight = match scheme.weight {
-            Weight::Inverse => 1.0 / error.max(1e-6),
-            Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
+            Weight::Inverse => 1.0 / (share * error.max(1e-6)),
+            Weight::InverseMinusOne => (1.0 / error.max(1e-6) - 1.0) / share,
             Weight::Hat => 1.0 - error,
         };
         let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + slope * (r.translation * offset);

@@ -96,9 +96,9 @@ impl Cache {
     ///    the record and L2 without it, direct light included in both, c the scheme's `contrast`.
     ///
     /// Of the records that violate the second condition at x, the one of the lowest weight is kept from x by lowering its error to a_i = err_i(x) - ε, err_i with the
-    /// term of the normals, which the paper forgets here: without it the record would not be kept from x but shrink to nothing on curved surfaces. No record goes
-    /// below [`Reach::floor`]; one that has arrived there may go on violating the condition. Points left without a record get new ones, whose error is 1.4 times that
-    /// of the nearest one.
+    /// term of the normals, which the paper forgets here: without it records on curved surfaces shrink further than the point asks, to nothing where positions
+    /// coincide. No record goes below [`Reach::floor`]; one that has arrived there may go on violating the condition. Points left without a record get new ones, whose
+    /// error is 1.4 times that of the nearest one.
     ///
     /// The lengths of the points' lists are not bounded, so none of the contributions that the condition is about is left out.
     ///
@@ -140,9 +140,8 @@ impl<'a> Convergence<'a> {
     ) -> Self {
         let scheme = &cache.scheme;
         let filling = Filling::resume(cache, probe, level, seed, records);
-        let in_front = scheme.in_front_test.then_some(cache.in_front_tolerance());
         let mut convergence = Self {
-            view: View { points, appearance, reach: filling.reach, in_front },
+            view: View { points, appearance, reach: filling.reach, in_front: cache.in_front() },
             rule: Rule { weight: scheme.weight, contrast: scheme.contrast },
             locator: Locator::build(points),
             lists: vec![Vec::new(); points.len()],
@@ -254,22 +253,23 @@ impl<'a> Convergence<'a> {
     /// Brings the lists of `points` up to date.
     fn update(&mut self, points: &PointSet) {
         let (view, records, changes) = (&self.view, &self.filling.records, &self.changes);
-        self.lists.par_iter_mut().zip(&points.marked).enumerate().filter(|(_, (_, marked))| **marked).for_each(|(p, (list, _))| {
-            list.retain_mut(|c| match view.current(p, c, records, changes) {
-                Some(now) => {
-                    *c = now;
-                    true
-                }
-                None => false,
-            });
-        });
+        self.lists.par_iter_mut().zip(&points.marked).enumerate().filter(|(_, (_, marked))| **marked).for_each(
+            |(p, (list, _))| {
+                list.retain_mut(|c| match view.current(p, c, records, changes) {
+                    Some(now) => {
+                        *c = now;
+                        true
+                    }
+                    None => false,
+                });
+            },
+        );
     }
 
     /// What point `p` demands, so that no record's area has a visible edge at it.
     fn propose(&self, p: usize, scratch: &mut Vec<Candidate>) -> Vec<Proposal> {
-        let mut proposals = Vec::new();
         if self.lists[p].len() < 2 {
-            return proposals;
+            return Vec::new();
         }
         let (reach, appearance) = (&self.view.reach, &self.view.appearance[p]);
         let reflectance = luminance(appearance.reflectance);
@@ -287,24 +287,30 @@ impl<'a> Convergence<'a> {
                 weight: self.rule.weight(c.error, share),
             });
         }
-        while let Some(worst) = self.rule.worst(scratch, appearance.direct) {
-            let c = &mut scratch[worst];
-            c.share = c.floor.max(c.error - EPSILON * c.share);
-            proposals.push((c.record, c.share));
-            if c.error < c.share {
-                // The floor keeps it here.
-                c.weight = self.rule.weight(c.error, c.share);
-            } else {
-                scratch.swap_remove(worst);
-            }
-        }
-        proposals
+        self.rule.proposals(scratch, appearance.direct)
     }
 }
 
 impl Rule {
     fn weight(&self, error: f32, share: f32) -> f32 {
         self.weight.at(error / share, 1.0 / share)
+    }
+
+    /// Keeps candidates away from the point, or as far away as they may be kept, until none is left whose absence would show.
+    fn proposals(&self, candidates: &mut Vec<Candidate>, direct: f32) -> Vec<Proposal> {
+        let mut proposals = Vec::new();
+        while let Some(worst) = self.worst(candidates, direct) {
+            let c = &mut candidates[worst];
+            c.share = c.floor.max(c.error - EPSILON * c.share);
+            proposals.push((c.record, c.share));
+            if c.error < c.share {
+                // The floor keeps it here.
+                c.weight = self.weight(c.error, c.share);
+            } else {
+                candidates.swap_remove(worst);
+            }
+        }
+        proposals
     }
 
     /// Of the candidates whose absence would show, and that may still shrink, the one with the lowest weight.
@@ -376,5 +382,61 @@ impl PointSet {
         members.iter().for_each(|&p| self.marked[p as usize] = false);
         members.par_sort_unstable();
         members
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: Rule = Rule { weight: Weight::Inverse, contrast: 0.02 };
+
+    /// Records 0, 1, ... of these errors and luminances at a point; noiseless, allowed all of the level's error, and free to shrink to a tenth of it.
+    fn candidates(all: &[(f32, f32)]) -> Vec<Candidate> {
+        let candidate = |(record, &(error, luminance)): (usize, &(f32, f32))| Candidate {
+            record: record as u32,
+            error,
+            luminance,
+            sigma: 0.0,
+            share: 1.0,
+            floor: 0.1,
+            weight: RULE.weight(error, 1.0),
+        };
+        all.iter().enumerate().map(candidate).collect()
+    }
+
+    #[test]
+    fn the_farthest_of_the_records_that_differ_is_kept_away() {
+        let mut three = candidates(&[(0.3, 1.0), (0.8, 1.2), (0.5, 1.01)]);
+        let proposals = RULE.proposals(&mut three, 0.0);
+        // Just beyond the point, and not further: the error is that of the point less 1e-4.
+        assert_eq!(proposals, [(1, 0.8 - EPSILON)]);
+        assert_eq!(three.len(), 2);
+    }
+
+    #[test]
+    fn what_cannot_be_seen_is_left_alone() {
+        let differ = [(0.4, 1.0), (0.5, 1.1)];
+        assert_eq!(RULE.proposals(&mut candidates(&differ), 0.0).len(), 1);
+        assert!(RULE.proposals(&mut candidates(&[(0.4, 1.0), (0.5, 1.03)]), 0.0).is_empty());
+        // The difference is 0.1 5/9 at most; 2 % of direct light of 2 and of the mean exceed it.
+        assert!(RULE.proposals(&mut candidates(&differ), 2.0).is_empty());
+        let mut noisy = candidates(&differ);
+        noisy.iter_mut().for_each(|c| c.sigma = 0.05);
+        assert!(RULE.proposals(&mut noisy, 0.0).is_empty());
+        assert!(RULE.proposals(&mut candidates(&[(0.4, 1.0)]), 0.0).is_empty());
+        assert!(RULE.proposals(&mut candidates(&[(0.4, 0.0), (0.5, 0.0)]), 0.0).is_empty());
+    }
+
+    #[test]
+    fn no_record_goes_below_its_floor() {
+        // Both are so near that they cannot be kept away: both shrink to the floor, the lighter one first, and stay.
+        let mut near = candidates(&[(0.01, 1.0), (0.02, 2.0)]);
+        assert_eq!(RULE.proposals(&mut near, 0.0), [(1, 0.1), (0, 0.1)]);
+        assert_eq!(near.len(), 2);
+        // One that has arrived there is passed over.
+        let mut arrived = candidates(&[(0.2, 1.0), (0.3, 2.0)]);
+        (arrived[1].share, arrived[1].floor) = (0.4, 0.4);
+        assert_eq!(RULE.proposals(&mut arrived, 0.0), [(0, 0.2 - EPSILON)]);
     }
 }

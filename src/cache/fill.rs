@@ -288,7 +288,10 @@ impl<'a> Filling<'a> {
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
-        (self.gather(samples, &moved), true)
+        let again = self.gather(samples, &moved);
+        // Where shading normals lean far from the surface the point may lie behind its own record: better a short record than none.
+        let valid = again.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
+        (if valid { again } else { record }, true)
     }
 
     fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {

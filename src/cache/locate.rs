@@ -79,3 +79,54 @@ fn morton(coordinates: [u32; 3]) -> u64 {
     let [x, y, z] = coordinates.map(spread);
     x | y << 1 | z << 2
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Frame, Vec2, Vec4};
+    use crate::sampling::Rng;
+
+    fn point(position: Vec3) -> SurfacePoint {
+        SurfacePoint {
+            position,
+            ng: Vec3::Z,
+            frame: Frame::from_normal(Vec3::Z),
+            tangent: Vec4::ZERO,
+            uv: [Vec2::ZERO; 2],
+            color: Vec4::ONE,
+            material: 0,
+            instance: 0,
+            triangle: 0,
+            back_face: false,
+            wo: Vec3::Z,
+            footprint: 0.0,
+        }
+    }
+
+    #[test]
+    fn finds_what_a_search_of_all_points_finds() {
+        let mut rng = Rng::new(8);
+        for count in [0, 1, 16, 17, 100, 3000] {
+            let mut random = || Vec3::new(rng.next_f32(), 3.0 * rng.next_f32(), (rng.next_f32() * 2.0).floor());
+            let points: Vec<_> = (0..count).map(|_| point(random())).collect();
+            let locator = Locator::build(&points);
+            for _ in 0..100 {
+                let (center, radius) = (random(), random().x.powi(2));
+                let mut found = Vec::new();
+                locator.within(center, radius, |id| found.push(id));
+                found.sort_unstable();
+                let inside = |id: &u32| points[*id as usize].position.distance_squared(center) <= radius * radius;
+                let expected: Vec<u32> = (0..count).filter(inside).collect();
+                assert_eq!(found, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn coincident_points_are_all_found() {
+        let points = vec![point(Vec3::ONE); 40];
+        let mut found = 0;
+        Locator::build(&points).within(Vec3::ONE, 0.0, |_| found += 1);
+        assert_eq!(found, 40);
+    }
+}

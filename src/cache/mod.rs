@@ -78,9 +78,9 @@ impl Cache {
         self.scene_size
     }
 
-    /// How far a record may lie in front of a point beside it.
-    fn in_front_tolerance(&self) -> f32 {
-        1e-4 * self.scene_size
+    /// How far a record may lie in front of a point beside it, if that is tested at all.
+    fn in_front(&self) -> Option<f32> {
+        self.scheme.in_front_test.then_some(1e-4 * self.scene_size)
     }
 
     /// Number of levels, filled or not.

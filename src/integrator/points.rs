@@ -1,7 +1,7 @@
 //! Where records are needed: the surface points that the camera sees, and those that light reaches them from.
 
-use super::path::{PathTracer, Sampled, Vertex};
 use super::path::reflected;
+use super::path::{PathTracer, Sampled, Vertex};
 use crate::accel::Ray;
 use crate::cache::Appearance;
 use crate::camera::CameraRay;
