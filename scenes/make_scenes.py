@@ -9,6 +9,7 @@ import math
 import sys
 from pathlib import Path
 
+from dim_rooms import slit_light, staircase_room
 from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
 from indirect_room import indirect_room
 
@@ -474,6 +475,8 @@ def all_scenes():
     yield two_rooms_gap()
     yield mirror_room()
     yield alpha_leaves()
+    yield staircase_room()
+    yield slit_light()
 
 
 def main():

@@ -15,6 +15,7 @@ pub struct Pixel {
     irradiance: Color,
     records: f32,
     error: f32,
+    allowed: f32,
     traced: f32,
     cached: f32,
     /// Samples that saw a surface.
@@ -53,6 +54,7 @@ impl Pixel {
         self.irradiance += s.irradiance;
         self.records += s.records as f32;
         self.error += s.error;
+        self.allowed += s.allowed;
     }
 
     /// Adds the samples of `other`.
@@ -67,6 +69,7 @@ impl Pixel {
         self.irradiance += other.irradiance;
         self.records += other.records;
         self.error += other.error;
+        self.allowed += other.allowed;
         self.traced += other.traced;
         self.cached += other.cached;
         self.covered += other.covered;
@@ -173,6 +176,14 @@ pub const LAYERS: &[Layer] = &[
         values: |p| [(p.cached + 2.0 * p.traced) * p.weight(), 0.0, 0.0, 0.0],
     },
     Layer { name: "gi.error", channels: &[""], half: true, basic: false, values: |p| [p.error * p.weight(), 0.0, 0.0, 0.0] },
+    Layer {
+        name: "gi.a",
+        channels: &[""],
+        half: true,
+        basic: false,
+        // Not diluted by samples that no record answered: the map shows how finely records were made.
+        values: |p| [if p.cached > 0.0 { p.allowed / p.cached } else { 0.0 }, 0.0, 0.0, 0.0],
+    },
     Layer { name: "gi.irradiance", channels: RGB, half: true, basic: false, values: |p| rgb(p.irradiance * p.weight()) },
     Layer { name: "variance", channels: RGB, half: false, basic: false, values: |p| rgb(p.variance()) },
 ];

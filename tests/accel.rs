@@ -148,7 +148,7 @@ fn at_an_edge(hit: &Hit) -> bool {
 #[test]
 fn the_back_ends_agree_on_random_rays() {
     if backends().len() < 2 {
-        eprintln!("SKIPPED: this build has one back end");
+        crate::testdata::skipped("this build has one back end");
         return;
     }
     for (name, geometry) in scenes() {

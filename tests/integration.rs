@@ -1,6 +1,7 @@
 //! All integration tests: one binary, so that there is one link.
 
 mod accel; // both back ends agree
+mod adaptive; // adaptive caching
 mod architecture; // module order, citations, file sizes
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
 mod chi2; // sample() agrees with pdf()

@@ -30,7 +30,7 @@ fn the_script_makes_the_same_bytes() {
         .output();
     let run = match run {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return eprintln!("SKIPPED: there is no python3 to make the scenes with");
+            return crate::testdata::skipped("there is no python3 to make the scenes with");
         }
         run => run.unwrap(),
     };

@@ -122,19 +122,20 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
     for r in first(cache).records().iter().take(limit) {
         let (area, slope) = reach.area(r);
+        let share = r.error / scheme.error;
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
-        let (d, share) = (offset.length(), area.share(r.normal, offset));
-        let error = reach.relative_error(share, cosine, reach.normal_scale());
+        let (d, position) = (offset.length(), area.share(r.normal, offset) / share);
+        let error = reach.relative_error(position, cosine, reach.normal_scale() / share);
         let in_front = 0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
-        if cosine <= 0.0 || share >= 1.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
+        if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
             continue;
         }
         if !r.fences.admit(at.position) {
             continue;
         }
         let weight = match scheme.weight {
-            Weight::Inverse => 1.0 / error.max(1e-6),
-            Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
+            Weight::Inverse => 1.0 / (share * error.max(1e-6)),
+            Weight::InverseMinusOne => (1.0 / error.max(1e-6) - 1.0) / share,
             Weight::Hat => 1.0 - error,
         };
         let linear = slope * (r.translation * offset);

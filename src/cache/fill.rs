@@ -28,8 +28,24 @@ pub struct FillStats {
     pub hits: u64,
     /// Records made anew away from an edge because they had missed what two neighbours saw.
     pub retaken: u64,
+    /// Passes of refinement, 0 where none was asked for.
+    pub passes: u32,
+    /// How often refinement lowered the allowed error of a record.
+    pub reductions: u64,
     /// For each point, the number of records that existed when its round ended.
     pub births: Vec<u32>,
+}
+
+impl FillStats {
+    /// Adds what was done to the level afterwards.
+    pub fn add(&mut self, later: &Self) {
+        self.gather_rays += later.gather_rays;
+        self.lookups += later.lookups;
+        self.hits += later.hits;
+        self.retaken += later.retaken;
+        self.passes += later.passes;
+        self.reductions += later.reductions;
+    }
 }
 
 /// Size of the first growing round.
@@ -43,26 +59,31 @@ const BATCH: usize = 256;
 /// A record whose R_i exceeds this multiple of what two neighbours allow has missed what they saw.
 const LEAK: f32 = 4.0;
 
+/// A new record is allowed this multiple of the error that the nearest one is left with, found by experiment [Krivanek06, Sec. 4.2].
+const OPTIMISM: f32 = 1.4;
 /// A noisy record is gathered again with this multiple of the rays.
 const MORE_RAYS: u32 = 4;
 
 /// One level while it fills.
-struct Filling<'a> {
+pub(super) struct Filling<'a> {
     cache: &'a Cache,
     probe: &'a dyn RadianceProbe,
     level: u8,
     seed: u64,
-    reach: Reach,
+    /// The reach until the level is filled.
+    pub reach: Reach,
     /// The reach when the level is filled.
     shading_reach: Reach,
-    records: Vec<Record>,
+    pub records: Vec<Record>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
     indexed: usize,
     /// The records made since.
     fresh: Index,
     envelope: Envelope,
-    stats: FillStats,
+    /// Finds the nearest record, if they are not all allowed the same error.
+    nearest: Option<Envelope>,
+    pub stats: FillStats,
 }
 
 impl Cache {
@@ -107,7 +128,7 @@ impl Cache {
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
-    fn finish(&self, level: u8, records: Vec<Record>) -> Level {
+    pub(super) fn finish(&self, level: u8, records: Vec<Record>) -> Level {
         let index = self.index(&records, self.shading_reach(level));
         Level { records, index }
     }
@@ -136,8 +157,29 @@ impl<'a> Filling<'a> {
             indexed: 0,
             fresh: cache.index(&[], reach),
             envelope: Envelope::build(std::iter::empty()),
+            nearest: None,
             stats: FillStats::default(),
         }
+    }
+
+    /// Goes on with a level of `records` whose allowed errors will differ.
+    pub fn resume(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
+        let mut filling = Self { records, ..Self::new(cache, probe, level, seed) };
+        filling.survey(true);
+        filling
+    }
+
+    /// What new records will be told of those that are there.
+    fn survey(&mut self, errors_differ: bool) {
+        self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
+        self.nearest = errors_differ.then(|| Envelope::build(self.records.iter().map(|r| (r.position, 0.0))));
+    }
+
+    /// The error that a new record at `x` is allowed.
+    fn error_of_new(&self, x: Vec3) -> f32 {
+        let most = self.reach.allowed_error();
+        let nearest = self.nearest.as_ref().and_then(|n| self.records.get(n.lowest_two(x)[0].id as usize));
+        nearest.map_or(most, |r| most.min(OPTIMISM * r.error))
     }
 
     /// Covers `points`: again and again the uncovered ones are found, some far enough from each other are given records, in parallel, until none is left.
@@ -157,6 +199,7 @@ impl<'a> Filling<'a> {
             }
             let chosen = self.choose(points, &pending);
             self.make_records(points, &chosen);
+            self.reindex(false);
             // A point that was given a record is done, whatever the index says of it.
             pending.retain(|i| chosen.binary_search(i).is_err());
             self.stats.hits += chosen.len() as u64;
@@ -179,7 +222,7 @@ impl<'a> Filling<'a> {
     }
 
     /// A maximal set of candidates none of which is likely to be covered by the record of another, in ascending order: earlier points go first.
-    fn choose(&self, points: &[SurfacePoint], pending: &[u32]) -> Vec<u32> {
+    pub fn choose(&self, points: &[SurfacePoint], pending: &[u32]) -> Vec<u32> {
         let most = BATCH.max(self.records.len() / 2);
         let mut chosen = Vec::new();
         let mut discs: Vec<(Vec3, Vec3, f32)> = Vec::new();
@@ -187,6 +230,7 @@ impl<'a> Filling<'a> {
             let p = &points[i as usize];
             // R can be no longer than the envelope of its neighbours, so this radius is an upper bound where neighbours exist.
             let (radius, _) = self.reach.radius(self.envelope.value(p.position), p.footprint);
+            let radius = radius * self.error_of_new(p.position) / self.reach.allowed_error();
             let free = discs.iter().all(|&(x, n, r)| {
                 let limit = CONFLICT * r.min(radius);
                 (x - p.position).length_squared() >= limit * limit || n.dot(p.frame.n) < 0.7
@@ -202,16 +246,20 @@ impl<'a> Filling<'a> {
         chosen
     }
 
-    fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
-        let made: Vec<(Record, bool)> =
-            chosen.par_iter().map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize])).collect();
+    /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all records to each other.
+    pub fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
+        let made: Vec<(Record, bool)> = chosen
+            .par_iter()
+            .map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize]))
+            .map(|(record, retaken)| (Record { error: self.error_of_new(record.position), ..record }, retaken))
+            .collect();
         let rays = self.cache.scheme.layout(self.level).rays() as u64;
         for (record, retaken) in made {
             self.stats.gather_rays += rays * (1 + u64::from(retaken));
             self.stats.retaken += u64::from(retaken);
             self.records.push(record);
         }
-        self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
+        self.survey(self.nearest.is_some());
         if self.cache.scheme.neighbour_clamp {
             let envelope = &self.envelope;
             self.records.par_iter_mut().enumerate().for_each(|(id, r)| {
@@ -220,7 +268,6 @@ impl<'a> Filling<'a> {
                 r.clamp(if first.id == id as u32 { second.value } else { first.value });
             });
         }
-        self.reindex(false);
     }
 
     fn samples(&self) -> HemisphereSamples {
@@ -245,7 +292,10 @@ impl<'a> Filling<'a> {
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
-        (self.gather(samples, &moved), true)
+        let again = self.gather(samples, &moved);
+        // Where shading normals lean far from the surface the point may lie behind its own record: better a short record than none.
+        let valid = again.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
+        (if valid { again } else { record }, true)
     }
 
     fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {

@@ -14,6 +14,8 @@ struct Entry {
     inverse_radius: f32,
     normal: Vec3,
     id: u32,
+    /// The level's allowed error over the record's own.
+    inverse_share: f32,
     /// Where its [`Detail`] is, plus `SHAPED` if its area is no disc; `PLAIN` if it is one without fences.
     detail: u32,
 }
@@ -75,6 +77,8 @@ pub struct Answer {
     pub irradiance: Color,
     /// Weighted mean of their errors as a share of the allowed one, in [0, 1).
     pub error: f32,
+    /// Weighted mean of the errors a_i that they are allowed.
+    pub allowed: f32,
     /// Number of records that took part.
     pub records: u32,
 }
@@ -89,9 +93,17 @@ impl Index {
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
             let (area, gradient_scale) = reach.area(r);
+            let share = reach.share(r);
+            let area = area.map(|radius| share * radius);
             let radius = area.longest();
-            let mut entry =
-                Entry { position: r.position, inverse_radius: 1.0 / radius, normal: r.normal, id: id as u32, detail: PLAIN };
+            let mut entry = Entry {
+                position: r.position,
+                inverse_radius: 1.0 / radius,
+                normal: r.normal,
+                id: id as u32,
+                inverse_share: 1.0 / share,
+                detail: PLAIN,
+            };
             let disc = matches!(area, Footprint::Disc { .. });
             if !disc || !r.fences.planes().is_empty() {
                 entry.detail = details.len() as u32 + if disc { 0 } else { SHAPED };
@@ -198,7 +210,7 @@ impl Index {
                     continue;
                 }
             }
-            let error = self.reach.relative_error(position, cosine, self.normal_scale);
+            let error = self.reach.relative_error(position, cosine, self.normal_scale * e.inverse_share);
             if error >= 1.0 {
                 continue;
             }
@@ -223,14 +235,9 @@ impl Index {
     /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
     /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
-        let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
+        let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
         self.valid(at, limit, |e, error| {
-            let w = match self.weight {
-                // The bound keeps a point on a record finite; the record then outweighs all others.
-                Weight::Inverse => 1.0 / error.max(1e-6),
-                Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
-                Weight::Hat => 1.0 - error,
-            };
+            let w = self.weight.at(error, e.inverse_share);
             let p = &self.payloads[e.id as usize];
             let offset = at.position - e.position;
             let first = p.translation * offset;
@@ -241,9 +248,11 @@ impl Index {
             sum += w * value.max(Color::ZERO);
             weights += w;
             errors += w * error;
+            shares += w / e.inverse_share;
             records += 1;
         });
-        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records })
+        let allowed = self.reach.allowed_error() * shares / weights;
+        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, allowed, records })
     }
 
     /// Bytes that the index occupies.

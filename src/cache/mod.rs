@@ -2,24 +2,30 @@
 //!
 //! The life of a record: the fill finds a shading point that no record covers ([`fill`](Cache::fill)), casts a [gather](crate::gather) there, makes a [`Record`] from it
 //! (value, error, gradients, length R_i), shortens R_i to fit its neighbours, and puts it into the [`Index`] that lookups read. Levels are filled from the deepest
-//! to the first, so a gather reads only finished caches.
+//! to the first, so a gather reads only finished caches. A scheme may then have the first level [refined](Cache::converge): records that disagree where they
+//! overlap are allowed less error, and more records are made between them.
 
+mod converge;
 mod envelope;
 mod fence;
 mod fill;
 mod footprint;
 mod index;
+mod locate;
 mod metric;
 mod record;
 mod scheme;
 
+pub use converge::Appearance;
 pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
 pub use fill::{FillStats, LevelPoints};
 pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use record::{Curve, Reach, Record};
-pub use scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};
+pub use scheme::{
+    ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Refinement, Scheme, Strata, Weight,
+};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
@@ -75,6 +81,11 @@ impl Cache {
     /// Diagonal of the scene that radii are bounded by.
     pub fn scene_size(&self) -> f32 {
         self.scene_size
+    }
+
+    /// How far a record may lie in front of a point beside it, if that is tested at all.
+    fn in_front(&self) -> Option<f32> {
+        self.scheme.in_front_test.then_some(1e-4 * self.scene_size)
     }
 
     /// Number of levels, filled or not.

@@ -58,6 +58,8 @@ pub struct Record {
     pub length_unclamped: f32,
     /// R_i after neighbour clamping: no more than `limit`.
     pub length: f32,
+    /// a_i, the error up to which the record is used: the scheme's on this level, or less where it was [refined](super::Cache::converge).
+    pub error: f32,
     /// Diameter of a pixel at the record, world units.
     pub footprint: f32,
     /// Standard error of the luminance of `irradiance`.
@@ -108,6 +110,7 @@ impl Record {
             limit: f32::INFINITY,
             length_unclamped: length,
             length,
+            error: reach.error,
             footprint: at.footprint,
             sigma: samples.sigma(),
             fences,
@@ -121,6 +124,26 @@ impl Record {
         self.limit = limit;
         self.length = self.length_unclamped.min(limit);
     }
+
+    /// The error of using the record at `at` as a share of the level's allowed error, so that the record is valid below [`Reach::share`]. `None` where it must
+    /// not be used at any distance: it faces away, lies in front of the point and `in_front` says by how much it may not, or fences stand between.
+    pub fn error_at(&self, reach: &Reach, at: &SurfacePoint, in_front: Option<f32>) -> Option<f32> {
+        let (offset, cosine) = (at.position - self.position, at.frame.n.dot(self.normal));
+        let d = offset.length();
+        let hidden = in_front.is_some_and(|tolerance| 0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - tolerance);
+        if cosine <= 0.0 || hidden || !self.fences.admit(at.position) {
+            return None;
+        }
+        let (area, _) = reach.area(self);
+        Some(reach.relative_error(area.share(self.normal, offset), cosine, reach.normal_scale()))
+    }
+
+    /// The irradiance at `at` extrapolated from the record alone: `max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i)` [WardHeckbert92].
+    pub fn irradiance_at(&self, reach: &Reach, at: &SurfacePoint) -> Color {
+        let (_, slope) = reach.radius(self.length, self.footprint);
+        let turned = self.rotation * self.normal.cross(at.frame.n);
+        (self.irradiance + turned + slope * (self.translation * (at.position - self.position))).max(Color::ZERO)
+    }
 }
 
 /// How far records reach on one level: the numbers of a [`Scheme`] worked out once.
@@ -129,6 +152,7 @@ pub struct Reach {
     kernel: Kernel,
     error: f32,
     scale: f32,
+    smallest_error: f32,
     smoothing: f32,
     min_pixels: f32,
     max_pixels: f32,
@@ -143,6 +167,7 @@ impl Reach {
             kernel: scheme.kernel,
             error: scheme.error_at(level),
             scale: scheme.radius_scale(level),
+            smallest_error: scheme.error_min,
             smoothing,
             min_pixels: scheme.min_pixels,
             // Pixels bound records from above for the eye's sake; it does not see the deeper levels.
@@ -170,6 +195,26 @@ impl Reach {
     pub fn area(&self, record: &Record) -> (Footprint, f32) {
         let (_, slope) = self.radius(record.length, record.footprint);
         (record.shape.map(|r| self.radius(r.min(record.limit), record.footprint).0), slope)
+    }
+
+    /// a_i of `record` as a share of the level's allowed error, in (0, 1]: the radius of validity is this share of [`Reach::radius`].
+    #[inline]
+    pub fn share(&self, record: &Record) -> f32 {
+        record.error / self.error
+    }
+
+    /// The smallest a_i to which refinement may take `record`: the scheme's, or the one at which the record is as small as pixels allow. At most the level's allowed
+    /// error.
+    pub fn floor(&self, record: &Record) -> f32 {
+        let (radius, _) = self.radius(record.length, record.footprint);
+        let scale = self.smoothing * if self.kernel == Kernel::Tabellion { self.error } else { 1.0 };
+        let pixels = self.error * (scale * self.min_pixels * record.footprint / radius);
+        self.smallest_error.max(pixels).min(self.error)
+    }
+
+    /// a of the scheme on this level, the largest a_i.
+    pub fn allowed_error(&self) -> f32 {
+        self.error
     }
 
     /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error, or the root of one.

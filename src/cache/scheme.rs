@@ -80,6 +80,30 @@ pub enum Weight {
     Hat,
 }
 
+impl Weight {
+    /// The weight of a record at error `e` as a share of its own allowed error a_i; `inverse_share` is the level's allowed error over a_i. Ward's weight is one over the
+    /// error itself, whatever the record is allowed.
+    #[inline]
+    pub fn at(self, e: f32, inverse_share: f32) -> f32 {
+        match self {
+            // The bound keeps a point on a record finite; the record then outweighs all others.
+            Self::Inverse => inverse_share / e.max(1e-6),
+            Self::InverseMinusOne => inverse_share * (1.0 / e.max(1e-6) - 1.0),
+            Self::Hat => 1.0 - e,
+        }
+    }
+}
+
+/// Whether records that disagree where they overlap are made smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refinement {
+    /// All records of a level are allowed the same error.
+    None,
+    /// Until no edge of a record's area on the first level is visible by the law of Weber, against the direct light: see [`Cache::converge`](super::Cache::converge) [Krivanek06].
+    Weber,
+}
+
 /// In which order the shading points of the image are visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -150,6 +174,12 @@ pub struct Scheme {
     pub gradient_clamp: bool,
     /// Bound R_i by `R_j + |x_i - x_j|` for all records j [Krivanek06, Sec. 5.3].
     pub neighbour_clamp: bool,
+    /// How records are refined.
+    pub refinement: Refinement,
+    /// The smallest allowed error that refinement leaves a record.
+    pub error_min: f32,
+    /// The smallest relative difference of luminance that refinement takes for visible.
+    pub contrast: f32,
     /// Smallest radius of validity in pixels, 0 for none.
     pub min_pixels: f32,
     /// Largest radius of validity in pixels, 0 for none.
@@ -222,6 +252,9 @@ fn ward88() -> Scheme {
         extrapolation: Extrapolation::First,
         gradient_clamp: false,
         neighbour_clamp: false,
+        refinement: Refinement::None,
+        error_min: 0.05,
+        contrast: 0.02,
         min_pixels: 1.5,
         max_pixels: 0.0,
         max_radius: 0.1,
@@ -305,6 +338,43 @@ fn schwarzhaupt12() -> Scheme {
     Scheme { metric: Metric::Hessian, translational_gradient: TranslationalGradient::Triangulated, ..jarosz12() }
 }
 
+fn krivanek06() -> Scheme {
+    Scheme {
+        // The published scenes start at 0.35 to 0.6 and end at 0.05.
+        error: 0.5,
+        error_min: 0.05,
+        neighbour_clamp: true,
+        refinement: Refinement::Weber,
+        // Nothing refines the deeper level: its records are allowed less from the start.
+        deeper_error: 0.6,
+        levels: 2,
+        ..ward_heckbert92()
+    }
+}
+
+fn mdic() -> Scheme {
+    Scheme {
+        metric: Metric::Minimum,
+        weight: Weight::InverseMinusOne,
+        error: 1.0,
+        deeper_error: 1.0,
+        gradient_clamp: false,
+        ..ward_heckbert92()
+    }
+}
+
+fn hmdic() -> Scheme {
+    Scheme {
+        weight: Weight::InverseMinusOne,
+        error: 0.4,
+        deeper_error: 1.0,
+        gradient_clamp: false,
+        neighbour_clamp: true,
+        refinement: Refinement::Weber,
+        ..ward_heckbert92()
+    }
+}
+
 fn auto() -> Scheme {
     Scheme {
         rays: 512,
@@ -344,6 +414,24 @@ pub const PRESETS: &[Preset] = &[
         source: "Tabellion & Lamorlette 2004",
         summary: "minimum distance, their error measure and pixel limits, coarse to fine, smoothed",
         scheme: tabellion04,
+    },
+    Preset {
+        name: "krivanek06",
+        source: "Krivanek et al. 2006",
+        summary: "neighbour clamping, and a of each record lowered until no edge of an area is visible",
+        scheme: krivanek06,
+    },
+    Preset {
+        name: "mdic",
+        source: "Ribardiere et al. 2011",
+        summary: "their first baseline: minimum distance, circular areas, continuous weights, a = 1",
+        scheme: mdic,
+    },
+    Preset {
+        name: "hmdic",
+        source: "Ribardiere et al. 2011",
+        summary: "their second baseline: harmonic mean distance, neighbour clamping, refinement, a = 0.4",
+        scheme: hmdic,
     },
     Preset {
         name: "scotty3d",
@@ -456,6 +544,8 @@ impl Scheme {
         }
         for (name, value) in [
             ("error", self.error),
+            ("error_min", self.error_min),
+            ("contrast", self.contrast),
             ("deeper_error", self.deeper_error),
             ("nearest_scale", self.nearest_scale),
             ("max_aspect", self.max_aspect),
@@ -491,6 +581,15 @@ impl Scheme {
         }
         if !(1..=2).contains(&self.passes) {
             return fail("setting `passes` must be 1 or 2");
+        }
+        if self.refinement != Refinement::None && self.passes != 2 {
+            return fail("setting `refinement` needs `passes` 2: records shrink after they are made");
+        }
+        let simple = self.kernel != Kernel::Schwarzhaupt
+            && self.footprint == FootprintKind::Disc
+            && self.extrapolation == Extrapolation::First;
+        if self.refinement != Refinement::None && !simple {
+            return fail("setting `refinement` needs kernel `ward` or `tabellion`, footprint `disc` and extrapolation `first`");
         }
         if self.translational_gradient == TranslationalGradient::WardHeckbert
             && (self.strata, self.density) != (Strata::Polar, Density::Cosine)

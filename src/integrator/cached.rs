@@ -192,6 +192,7 @@ impl<'a> CachedIntegrator<'a> {
                 if bounces == 0 {
                     out.status = Status::Cached;
                     out.error = a.error;
+                    out.allowed = a.allowed;
                     out.records = a.records;
                     out.irradiance = a.irradiance;
                 }

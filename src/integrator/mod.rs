@@ -126,6 +126,8 @@ pub struct Shaded {
     pub status: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
+    /// Mean of the errors a_i that its records are allowed.
+    pub allowed: f32,
     /// Number of records that took part.
     pub records: u32,
     /// Interpolated irradiance.

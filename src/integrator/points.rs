@@ -1,11 +1,13 @@
 //! Where records are needed: the surface points that the camera sees, and those that light reaches them from.
 
+use super::path::reflected;
 use super::path::{PathTracer, Sampled, Vertex};
 use crate::accel::Ray;
+use crate::cache::Appearance;
 use crate::camera::CameraRay;
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
-use crate::math::Vec2;
+use crate::math::{INV_PI, Vec2, luminance};
 use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere};
 use rayon::prelude::*;
 
@@ -13,6 +15,10 @@ use rayon::prelude::*;
 pub(super) const LONGEST_CHAIN: u32 = 16;
 /// A pixel's shadow on a surface seen at a grazing angle is not taken longer than this multiple of its width.
 const MAX_STRETCH: f32 = 10.0;
+/// Samples of the lights for the [`Appearance`] of a point.
+const LIGHT_SAMPLES: u32 = 4;
+/// Points whose shadow rays are traced together.
+const APPEARANCES: usize = 64;
 /// Footprint of points that the camera does not see, as a share of the scene's diagonal.
 const DEEPER_FOOTPRINT: f32 = 0.004;
 
@@ -26,6 +32,47 @@ pub(super) fn footprint(camera: &CameraRay, distance: f32, cos: f32) -> f32 {
 impl PathTracer<'_> {
     /// The first surface with a diffuse lobe that `camera` sees, straight or by ideal mirrors and panes, and the number of those.
     pub fn first_diffuse(&self, camera: &CameraRay, seed: u64) -> Option<(SurfacePoint, u32)> {
+        self.first_vertex(camera, seed).map(|(v, bounces)| (v.point, bounces))
+    }
+
+    /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is none. Direct light comes from a few samples of the lights at each point, and
+    /// from what the surface emits itself; `pixels` holds the camera rays and their seeds.
+    pub fn appearances(&self, pixels: &[(CameraRay, u64)]) -> Vec<Option<(SurfacePoint, Appearance)>> {
+        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.appearances_of(chunk)).collect()
+    }
+
+    fn appearances_of(&self, pixels: &[(CameraRay, u64)]) -> Vec<Option<(SurfacePoint, Appearance)>> {
+        let (mut rays, mut light) = (Vec::new(), Vec::new());
+        let mut seen: Vec<Option<(SurfacePoint, Appearance)>> = Vec::with_capacity(pixels.len());
+        for (camera, seed) in pixels {
+            let Some((v, _)) = self.first_vertex(camera, *seed) else {
+                seen.push(None);
+                continue;
+            };
+            let Vertex { point, bsdf } = v;
+            let reflectance = bsdf.diffuse_albedo(point.frame.to_local(point.wo)) * INV_PI;
+            let number = seen.len();
+            seen.push(Some((point, Appearance { reflectance, direct: luminance(self.scene.emission(&point)) })));
+            let origin = v.origin();
+            let words = hash(&[*seed, 1]) as u32;
+            self.scene.lights().stratified(origin.position, origin.facing, LIGHT_SAMPLES, words, &mut |sample| {
+                if let Some(lit) = reflected(self.scene, &point, &bsdf, &sample, Sampled::Glossy) {
+                    rays.push(self.scene.shadow_ray(&point, &sample));
+                    light.push((number, luminance(lit.sum()) / LIGHT_SAMPLES as f32));
+                }
+            });
+        }
+        let mut blocked = vec![false; rays.len()];
+        self.scene.occluded_many(&rays, &mut blocked);
+        for ((number, luminance), _) in light.into_iter().zip(blocked).filter(|(_, blocked)| !blocked) {
+            if let Some((_, appearance)) = &mut seen[number] {
+                appearance.direct += luminance;
+            }
+        }
+        seen
+    }
+
+    fn first_vertex(&self, camera: &CameraRay, seed: u64) -> Option<(Vertex, u32)> {
         let mut ray = Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
         let mut sampler = Sampler::new(seed, 0);
         let mut travelled = 0.0;
@@ -35,7 +82,7 @@ impl PathTracer<'_> {
             let bsdf = self.scene.shade(&mut point);
             if bsdf.has_diffuse() {
                 point.footprint = footprint(camera, travelled, point.wo.dot(point.ng));
-                return Some((point, bounces));
+                return Some((Vertex { point, bsdf }, bounces));
             }
             if !bsdf.is_delta_only() {
                 return None;

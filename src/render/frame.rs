@@ -2,7 +2,7 @@
 
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
-use crate::cache::{Cache, FillStats, LevelPoints, Order};
+use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, Refinement};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
@@ -102,15 +102,14 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         // Light without bounces has nothing to cache.
         return Ok(births);
     }
-    let visible: Vec<(u32, SurfacePoint)> = order
-        .par_iter()
-        .filter_map(|&p| {
-            let sample = camera_sample(settings, p, 0, u32::MAX);
-            let (point, _) = tracer.first_diffuse(&sample.camera, sample.seed)?;
-            Some((p, point))
-        })
-        .collect();
-    let (pixels, points): (Vec<u32>, Vec<SurfacePoint>) = visible.into_iter().unzip();
+    let rays: Vec<_> = order.iter().map(|&p| camera_sample(settings, p, 0, u32::MAX)).map(|s| (s.camera, s.seed)).collect();
+    let seen: Vec<Option<(SurfacePoint, Appearance)>> = if settings.scheme.refinement == Refinement::None {
+        rays.par_iter().map(|(c, seed)| Some((tracer.first_diffuse(c, *seed)?.0, Appearance::default()))).collect()
+    } else {
+        tracer.appearances(&rays)
+    };
+    let pixels: Vec<u32> = order.iter().zip(&seen).filter(|(_, s)| s.is_some()).map(|(&p, _)| p).collect();
+    let (points, appearances): (Vec<SurfacePoint>, Vec<Appearance>) = seen.into_iter().flatten().unzip();
     let width = frame.film.window_size()[0] as usize;
     let round = if settings.scheme.order == Order::Scanline { width } else { 0 };
     let mut levels = vec![LevelPoints { points, round }];
@@ -121,10 +120,13 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
     }
     progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
     for (level, points) in levels.iter().enumerate().rev() {
-        let stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
+        let mut stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
         if level == 0 {
             for (&pixel, &birth) in pixels.iter().zip(&stats.births) {
                 births[pixel as usize] = birth;
+            }
+            if settings.scheme.refinement != Refinement::None {
+                stats.add(&cache.converge(&probe, 0, &points.points, &appearances, settings.seed, progress)?);
             }
         }
         frame.fill.insert(0, stats);

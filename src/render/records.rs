@@ -37,6 +37,8 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
         let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
         for record in filled.records() {
             let (area, _) = reach.area(record);
+            let share = reach.share(record);
+            let area = area.map(|r| share * r);
             canvas.dot(record.position, level);
             if area.longest() >= OUTLINED * record.footprint {
                 for p in area.outline(record.position, record.normal, OUTLINE) {

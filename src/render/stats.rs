@@ -24,6 +24,8 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
                     "fill_lookups": fill.lookups,
                     "fill_hits": fill.hits,
                     "retaken": fill.retaken,
+                    "passes": fill.passes,
+                    "reductions": fill.reductions,
                 }))
             })
             .collect()
