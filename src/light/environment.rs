@@ -261,7 +261,7 @@ impl Grid {
 }
 
 /// Inverts the distribution function of the density on the unit interval that runs linearly from `a` to `b`.
-fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
+pub(super) fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }

@@ -1,7 +1,8 @@
-//! Light sources: emissive triangles, the environment and punctual lights, and the sampling of all of them.
+//! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and the sampling of all of them.
 
 mod bounds;
 mod environment;
+mod ies;
 mod lanes;
 mod lights;
 mod polygon;
@@ -9,11 +10,13 @@ mod punctual;
 mod tree;
 mod triangle;
 
+pub use ies::{IesFault, IesProfile, Photometry};
 pub use lights::Lights;
 pub use polygon::polygon_irradiance;
 pub use triangle::TriangleLight;
 
-use crate::math::{Affine3A, Color, Vec3};
+use crate::math::{Affine3A, Color, Mat3, Vec3};
+use std::sync::Arc;
 
 /// A triangle that emits, as the scene names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,8 +75,8 @@ fn weight(color: Color) -> f32 {
     if mean.is_finite() { mean.max(0.0) } else { 0.0 }
 }
 
-/// A light without extent (KHR_lights_punctual), already in world space and in radiometric numbers as the scene file has them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A light without extent (KHR_lights_punctual, EXT_lights_ies), already in world space and in the numbers that the scene file has.
+#[derive(Clone, Debug, PartialEq)]
 pub enum PunctualLight {
     /// Radiates `intensity` in all directions.
     Point {
@@ -98,6 +101,19 @@ pub enum PunctualLight {
         cos_inner: f32,
         /// Cosine of the outer half angle, where it ends.
         cos_outer: f32,
+    },
+    /// A luminaire: a point whose intensity over direction was measured.
+    Ies {
+        /// World position.
+        position: Vec3,
+        /// World to the profile's frame: orthogonal, a reflection where the scene mirrors the luminaire.
+        from_world: Mat3,
+        /// Factor on the profile's candela.
+        scale: Color,
+        /// Distance at which the light is cut off, infinite by default.
+        range: f32,
+        /// The distribution.
+        profile: Arc<IesProfile>,
     },
     /// Parallel light.
     Directional {

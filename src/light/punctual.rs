@@ -1,7 +1,7 @@
-//! Lights without extent, as the glTF extension `KHR_lights_punctual` defines them.
+//! Lights without extent, as the glTF extensions `KHR_lights_punctual` and `EXT_lights_ies` define them.
 
 use super::{PunctualLight, weight};
-use crate::math::{Color, Vec3};
+use crate::math::{Color, INV_PI, Vec3};
 
 /// The light that reaches a point from a light without extent.
 pub(super) struct PunctualIncidence {
@@ -27,6 +27,12 @@ impl PunctualLight {
                 incidence.irradiance *= falloff;
                 (falloff > 0.0).then_some(incidence)
             }
+            Self::Ies { position, from_world, scale, range, ref profile } => {
+                let mut incidence = from_position(p, position, scale, range)?;
+                let candela = profile.intensity(from_world * -incidence.wi);
+                incidence.irradiance *= candela;
+                (candela > 0.0).then_some(incidence)
+            }
         }
     }
 
@@ -35,18 +41,19 @@ impl PunctualLight {
         self.incidence(p).map_or(0.0, |i| weight(i.irradiance) * n.map_or(1.0, |n| n.dot(i.wi).max(0.0)))
     }
 
-    /// Radiant intensity of a point or spot light, irradiance of a directional light.
+    /// Radiant intensity of a point or spot light, the mean over all directions for a luminaire, irradiance of a directional light.
     pub(super) fn strength(&self) -> Color {
         match *self {
             Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
+            Self::Ies { scale, ref profile, .. } => scale * (profile.flux() * (0.25 * INV_PI)),
             Self::Directional { irradiance, .. } => irradiance,
         }
     }
 
-    /// Radiant power of a point or spot light; that of a directional light through a disc of area 1.
+    /// Radiant power of a light that has a place; that of a directional light through a disc of area 1.
     pub(super) fn power(&self) -> Color {
         let solid_angle = match *self {
-            Self::Point { .. } => 4.0 * std::f32::consts::PI,
+            Self::Point { .. } | Self::Ies { .. } => 4.0 * std::f32::consts::PI,
             // The integral of the falloff over the cone: all of the inner cone and a third of the ring.
             Self::Spot { cos_inner, cos_outer, .. } => {
                 2.0 * std::f32::consts::PI * (1.0 - cos_inner + (cos_inner - cos_outer).max(0.0) / 3.0)

@@ -185,7 +185,7 @@ impl LightTree {
                     self.triangles.push(triangles[i]);
                     self.paths.push(path);
                 }
-                Pick::Punctual(i) => self.punctual.push(punctual[i]),
+                Pick::Punctual(i) => self.punctual.push(punctual[i].clone()),
             }
         }
         self.lanes.extend(self.triangles[first[0] as usize..].chunks(LANES).map(TriangleLanes::new));
@@ -316,6 +316,9 @@ fn triangle_bounds(triangle: &TriangleLight) -> LightBounds {
 
 fn punctual_bounds(light: &PunctualLight) -> LightBounds {
     let (position, axis, theta_o) = match *light {
+        PunctualLight::Ies { position, from_world, ref profile, .. } => {
+            (position, from_world.transpose() * Vec3::NEG_Z, profile.reach())
+        }
         PunctualLight::Point { position, .. } => (position, Vec3::Z, PI),
         PunctualLight::Spot { position, direction, cos_outer, .. } => (position, direction, cos_outer.clamp(-1.0, 1.0).acos()),
         PunctualLight::Directional { direction, .. } => (Vec3::ZERO, direction, 0.0),
