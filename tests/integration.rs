@@ -24,4 +24,5 @@ mod pictures; // rendering inside the tests
 mod scenes; // our own scenes
 mod schemes; // every preset
 mod scotty3d; // what a second pass and the rotational gradient are worth
+mod sky; // daylight
 mod testdata; // where the optional test data is

@@ -3,7 +3,7 @@
 use super::accessors::Accessors;
 use super::json::{Fault, Json, Parsed, quote};
 use super::uri::{self, Target};
-use super::{EFFICACY, ImportOptions, LightUnits};
+use super::{ImportOptions, LightUnits};
 use crate::error::{Error, Result};
 use crate::light::{IesProfile, PunctualLight};
 use crate::math::{Color, Mat3};
@@ -52,13 +52,13 @@ impl Luminaire {
         if extras.boolean("relative", false)? {
             factor *= if profile.peak() > 0.0 { intensity / profile.peak() } else { 0.0 };
         }
-        Ok(Some(Self { profile, scale: in_units(color * factor, units) }))
+        Ok(Some(Self { profile, scale: color * factor / units.efficacy() }))
     }
 
     fn of_node(json: &Json, profile: Arc<IesProfile>, units: LightUnits) -> Parsed<Self> {
         let color = Color::from_array(json.numbers_in::<3>("color", 1.0, 0.0, 1.0)?);
         let multiplier = json.number_in("multiplier", 1.0, 0.0, f64::INFINITY)?;
-        Ok(Self { profile, scale: in_units(color * multiplier, units) })
+        Ok(Self { profile, scale: color * multiplier / units.efficacy() })
     }
 
     /// The luminaire on a node: it shines along the node's -Z and the node's scale does not touch it, but a mirroring one mirrors it. `None` where
@@ -78,13 +78,6 @@ impl Luminaire {
             range,
             profile: Arc::clone(&self.profile),
         })
-    }
-}
-
-fn in_units(scale: Color, units: LightUnits) -> Color {
-    match units {
-        LightUnits::Photometric => scale,
-        LightUnits::Radiometric => scale / EFFICACY,
     }
 }
 

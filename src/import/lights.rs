@@ -1,8 +1,8 @@
 //! KHR_lights_punctual.
 
+use super::ImportOptions;
 use super::ies::{Luminaire, Profiles};
 use super::json::{Json, Parsed, quote};
-use super::{EFFICACY, ImportOptions, LightUnits};
 use crate::light::PunctualLight;
 use crate::math::{Color, Vec3};
 use glam::{DAffine3, DVec3};
@@ -44,10 +44,7 @@ fn light(json: &Json, options: &ImportOptions, profiles: &mut Profiles, warnings
     json.string("name")?;
     let color = Color::from_array(json.numbers_in::<3>("color", 1.0, 0.0, f64::INFINITY)?);
     let strength = json.number_in("intensity", 1.0, 0.0, f64::INFINITY)?;
-    let mut intensity = color * strength;
-    if options.light_units == LightUnits::Radiometric {
-        intensity /= EFFICACY;
-    }
+    let intensity = color * strength / options.light_units.efficacy();
     let range = match json.number("range")? {
         None => f32::INFINITY,
         Some(range) if range > 0.0 => range as f32,

@@ -84,10 +84,11 @@ mod topology;
 mod uri;
 
 pub use cameras::default_camera;
-pub use environment::environment;
+pub use environment::{environment, sky};
 pub use ies::ies;
 
 use crate::error::{Error, Result};
+use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::SceneData;
 use accessors::Accessors;
 use assembly::{Assembly, Parts};
@@ -100,17 +101,24 @@ use nodes::{Counts, Graph};
 use std::path::Path;
 use textures::Textures;
 
-/// Luminous efficacy in lm/W by which Blender's exporter multiplies, and which takes photometric numbers to radiometric ones.
-const EFFICACY: f32 = 683.0;
-
 /// How the intensities of punctual lights are to be understood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightUnits {
     /// As the file has them.
     #[default]
     Photometric,
-    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts; IES files, which are in candela, too.
+    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts; IES files and skies, which are photometric, too.
     Radiometric,
+}
+
+impl LightUnits {
+    /// Lumens per unit of radiant power, which candela, lux and cd/m² are divided by.
+    pub fn efficacy(self) -> f32 {
+        match self {
+            Self::Photometric => 1.0,
+            Self::Radiometric => LUMINOUS_EFFICACY,
+        }
+    }
 }
 
 /// One of a file's scenes.

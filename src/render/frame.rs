@@ -5,7 +5,7 @@ use crate::cache::{Cache, FillStats, LevelPoints, Order};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded};
+use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded, Splat};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
@@ -18,6 +18,8 @@ use super::clock::Clock;
 const TILE: u32 = 16;
 /// Samples that each pixel gets in one pass over the image, so that a cancelled picture is complete.
 const PASS: u32 = 16;
+/// Tiles after which splats are added to the film, in the order of the tiles: few enough to keep them in memory.
+const WAVE: u32 = 64;
 /// Shading points of the deeper levels, per level.
 const DEEPER_POINTS: usize = 16_384;
 
@@ -70,9 +72,13 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     }
     if !frame.cancelled && !settings.prepass_only {
         clock.start(Phase::Render);
-        let integrator = match &frame.cache {
-            Some(cache) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
-            None => Integrator::Path(tracer),
+        let integrator = match (&frame.cache, settings.integrator) {
+            (Some(cache), _) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
+            (None, IntegratorKind::Bdpt) => {
+                let camera = settings.camera.clone();
+                Integrator::Bidirectional(Bidirectional::new(tracer, camera, settings.size, settings.window))
+            }
+            (None, _) => Integrator::Path(tracer),
         };
         frame.cancelled = render(&integrator, settings, limits.as_deref(), &mut frame.film, progress, watcher);
         frame.shading_seconds = integrator.seconds();
@@ -169,33 +175,41 @@ fn render(
     let [across, down] = [width.div_ceil(TILE), height.div_ceil(TILE)];
     progress.start(Phase::Render, u64::from(width) * u64::from(height) * u64::from(settings.spp));
     let shared = Mutex::new((film, watcher));
+    let tiles = across * down;
+    let wave = if integrator.splats() { WAVE } else { tiles };
     let mut first = 0;
     while first < settings.spp && !progress.is_cancelled() {
         let last = settings.spp.min(first + PASS);
-        (0..across * down).into_par_iter().for_each(|t| {
-            if progress.is_cancelled() {
-                return;
-            }
-            let (x, y) = (t % across * TILE, t / across * TILE);
-            let area = [x, y, width.min(x + TILE), height.min(y + TILE)];
-            let pixels = tile(integrator, settings, limits, width, area, first..last);
-            let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            let (film, watcher) = &mut *guard;
-            for (row, y) in pixels.chunks((area[2] - area[0]) as usize).zip(area[1]..) {
-                let start = (y * width + area[0]) as usize;
-                for (sum, new) in film.pixels_mut()[start..start + row.len()].iter_mut().zip(row) {
-                    sum.merge(new);
+        for start in (0..tiles).step_by(wave as usize) {
+            let render_tile = |t: u32| {
+                if progress.is_cancelled() {
+                    return Vec::new();
                 }
-            }
-            watcher(area, film);
-            progress.advance(pixels.len() as u64 * u64::from(last - first));
-        });
+                let (x, y) = (t % across * TILE, t / across * TILE);
+                let area = [x, y, width.min(x + TILE), height.min(y + TILE)];
+                let (pixels, splats) = tile(integrator, settings, limits, width, area, first..last);
+                let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                let (film, watcher) = &mut *guard;
+                for (row, y) in pixels.chunks((area[2] - area[0]) as usize).zip(area[1]..) {
+                    let start = (y * width + area[0]) as usize;
+                    for (sum, new) in film.pixels_mut()[start..start + row.len()].iter_mut().zip(row) {
+                        sum.merge(new);
+                    }
+                }
+                watcher(area, film);
+                progress.advance(pixels.len() as u64 * u64::from(last - first));
+                splats
+            };
+            let splats: Vec<Vec<Splat>> = (start..tiles.min(start + wave)).into_par_iter().map(render_tile).collect();
+            let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            splats.iter().flatten().for_each(|splat| guard.0.splat(splat));
+        }
         first = last;
     }
     progress.is_cancelled()
 }
 
-/// Shades samples `indices` of every pixel of a tile.
+/// Shades samples `indices` of every pixel of a tile. Returns its pixels, and what the samples bring to any pixel.
 fn tile(
     integrator: &Integrator,
     settings: &Settings,
@@ -203,7 +217,7 @@ fn tile(
     width: u32,
     area: [u32; 4],
     indices: std::ops::Range<u32>,
-) -> Vec<Pixel> {
+) -> (Vec<Pixel>, Vec<Splat>) {
     let mut samples = Vec::new();
     for y in area[1]..area[3] {
         for x in area[0]..area[2] {
@@ -213,13 +227,15 @@ fn tile(
         }
     }
     let mut shaded: Vec<Shaded> = Vec::with_capacity(samples.len());
-    integrator.shade(&samples, &mut shaded);
-    shaded
+    let mut splats = Vec::new();
+    integrator.shade(&samples, &mut shaded, &mut splats);
+    let pixels = shaded
         .chunks(indices.len())
         .map(|samples| {
             let mut pixel = Pixel::default();
             samples.iter().for_each(|s| pixel.add(s));
             pixel
         })
-        .collect()
+        .collect();
+    (pixels, splats)
 }
