@@ -45,7 +45,54 @@ pub struct CameraRay {
     pub pixel_angle: f32,
 }
 
+/// A point as a camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraView {
+    /// Where in the image: pixels from its upper left corner.
+    pub raster: Vec2,
+    /// Unit direction from the point to the camera.
+    pub to_camera: Vec3,
+    /// Distance from the point to the camera.
+    pub distance: f32,
+    /// Pixels per unit area of a surface at the point that lies across `to_camera`: the importance of the point. A pixel is the mean of the radiance over its square of the
+    /// image, so this is also the density of camera samples that are uniform in the image, times its number of pixels.
+    pub pixels_per_area: f32,
+}
+
 impl Camera {
+    /// How the camera sees `point` in an image of `size` pixels, the inverse of [`Camera::ray`]; `None` for a point that is not in front of it. The point may lie
+    /// outside the image.
+    ///
+    /// ```text
+    /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)        perspective, θ the angle with the view axis, d the distance
+    ///                 = w h / (4 xmag ymag)                   orthographic
+    /// ```
+    pub fn view(&self, point: Vec3, size: [u32; 2]) -> Option<CameraView> {
+        let (w, h) = (size[0] as f32, size[1] as f32);
+        let axes = self.to_world.matrix3;
+        let offset = point - Vec3::from(self.to_world.translation);
+        let local = Vec3::from(axes.transpose() * glam::Vec3A::from(offset));
+        let depth = -local.z;
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let (x, y, to_camera, distance, pixels_per_area) = match self.projection {
+            Projection::Perspective { yfov } => {
+                let tan = (0.5 * yfov).tan();
+                let squared = offset.length_squared();
+                let distance = squared.sqrt();
+                let cos = depth / distance;
+                let pixels = h * h / (4.0 * tan * tan * cos * cos * cos * squared);
+                (local.x / (depth * tan * w / h), local.y / (depth * tan), -offset / distance, distance, pixels)
+            }
+            Projection::Orthographic { xmag, ymag } => {
+                (local.x / xmag, local.y / ymag, axes.z_axis.into(), depth, w * h / (4.0 * xmag * ymag))
+            }
+        };
+        let raster = Vec2::new(0.5 * (x + 1.0) * w, 0.5 * (1.0 - y) * h);
+        pixels_per_area.is_finite().then_some(CameraView { raster, to_camera, distance, pixels_per_area })
+    }
+
     /// The ray through `raster` (pixels from the upper left corner of the image) of an image of `size` pixels.
     ///
     /// The vertical field of view is the file's whatever the image's aspect, as in other glTF viewers.
@@ -87,5 +134,37 @@ mod tests {
         assert!((center.dir - Vec3::NEG_Z).length() < 1e-6);
         let next = camera.ray(Vec2::new(50.0, 51.0), [100, 100]);
         assert!((next.dir.angle_between(center.dir) / center.pixel_angle - 1.0).abs() < 1e-2);
+    }
+
+    #[test]
+    fn a_view_undoes_a_ray_and_counts_pixels() {
+        let to_world = Affine3A::from_rotation_translation(
+            glam::Quat::from_rotation_y(0.7) * glam::Quat::from_rotation_x(-0.4),
+            Vec3::new(3.0, -2.0, 1.0),
+        );
+        for projection in [Projection::Perspective { yfov: 0.9 }, Projection::Orthographic { xmag: 2.0, ymag: 1.5 }] {
+            let camera = Camera { name: String::new(), projection, aspect: None, to_world };
+            let size = [200, 120];
+            for raster in [Vec2::new(3.0, 100.0), Vec2::new(100.0, 60.0), Vec2::new(170.5, 20.25)] {
+                let at = |raster: Vec2| {
+                    let ray = camera.ray(raster, size);
+                    (ray, ray.origin + ray.dir * 7.0)
+                };
+                let (ray, point) = at(raster);
+                let view = camera.view(point, size).unwrap();
+                assert!((view.raster - raster).length() < 1e-2, "{view:?}");
+                assert!((view.to_camera + ray.dir).length() < 1e-5 && (view.distance - 7.0).abs() < 1e-4, "{view:?}");
+                // The area across the ray that a square of two pixels covers.
+                let onto = |r: Vec2| {
+                    let ray2 = camera.ray(r, size);
+                    let t = (point - ray2.origin).dot(ray.dir) / ray2.dir.dot(ray.dir);
+                    ray2.origin + ray2.dir * t
+                };
+                let (dx, dy) = (onto(raster + Vec2::X) - onto(raster - Vec2::X), onto(raster + Vec2::Y) - onto(raster - Vec2::Y));
+                let pixels = 4.0 / dx.cross(dy).length();
+                assert!((view.pixels_per_area / pixels - 1.0).abs() < 1e-2, "{view:?} {pixels}");
+                assert!(camera.view(ray.origin - ray.dir * 2.0, size).is_none());
+            }
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Pixels while they are rendered: sums of samples, and the layers they become.
 
-use crate::integrator::{Shaded, Status};
+use crate::integrator::{Shaded, Splat, Status};
 use crate::math::{Color, Vec3, luminance};
 
 /// Sums over the samples of one pixel.
@@ -229,6 +229,11 @@ impl Film {
     /// The pixels of the window, row by row.
     pub fn pixels_mut(&mut self) -> &mut [Pixel] {
         &mut self.pixels
+    }
+
+    /// Adds light that came to a pixel by the sample of another one. Splats do not count as samples, and the variance does not know of them.
+    pub fn splat(&mut self, splat: &Splat) {
+        self.pixels[splat.pixel as usize].parts[usize::from(splat.part)] += splat.light;
     }
 
     /// The channels of `layer`, each row by row.

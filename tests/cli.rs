@@ -112,6 +112,19 @@ fn names(layers: &Layers) -> Vec<&str> {
 }
 
 #[test]
+fn a_sky_lights_the_scene() {
+    let desk = Desk::new();
+    let mean = |image: &Layers| image.channel("R").unwrap().samples.iter().sum::<f32>();
+    let dim = desk.render("curved-spheres", &["--sky", "overcast,elevation=30", "--light-units", "radiometric"]);
+    let bright =
+        desk.render("curved-spheres", &["--sky", "overcast,elevation=30", "--env-scale", "2", "--light-units", "radiometric"]);
+    assert!(mean(&dim) > 0.0 && mean(&bright) > 1.5 * mean(&dim), "{} {}", mean(&dim), mean(&bright));
+    desk.fail(&["render", &scene("cornell-box"), "--sky", "stormy"], &["--sky", "\"stormy\"", "overcast"]);
+    let both = desk.run(&["render", &scene("cornell-box"), "--sky", "clear", "--env", "a.hdr"]);
+    assert_eq!(both.status.code(), Some(2));
+}
+
+#[test]
 fn help_and_version() {
     let desk = Desk::new();
     assert_eq!(desk.print(&["--version"]), format!("lumicache {}\n", env!("CARGO_PKG_VERSION")));

@@ -406,13 +406,13 @@ fn lights_stand_where_their_nodes_are_whatever_the_scale() {
     let radiometric = ImportOptions { light_units: LightUnits::Radiometric, ..ImportOptions::default() };
     for (options, unit) in [(ImportOptions::default(), 683.0), (radiometric, 1.0)] {
         let scene = file.load_with(&options);
-        let [PunctualLight::Point { position, intensity, range }, spot, sun] = scene.punctual[..] else { panic!() };
+        let [PunctualLight::Point { position, intensity, range }, ref spot, ref sun] = scene.punctual[..] else { panic!() };
         assert_eq!((position, range), (Vec3::new(1.0, 2.0, 3.0), 7.0));
         assert!((intensity - unit * Color::new(1.0, 0.5, 0.0)).length() < 1e-4, "{intensity}");
-        let PunctualLight::Spot { direction, cos_inner, cos_outer, range, .. } = spot else { panic!("{spot:?}") };
+        let PunctualLight::Spot { direction, cos_inner, cos_outer, range, .. } = *spot else { panic!("{spot:?}") };
         assert!((direction - Vec3::Y).length() < 1e-6 && range == f32::INFINITY);
         assert_eq!((cos_inner, cos_outer), (0.25f32.cos(), 0.5f32.cos()));
-        let PunctualLight::Directional { irradiance, .. } = sun else { panic!("{sun:?}") };
+        let PunctualLight::Directional { irradiance, .. } = *sun else { panic!("{sun:?}") };
         assert!((irradiance.x - 2.0 * unit / 683.0).abs() < 1e-6);
     }
 }

@@ -21,12 +21,12 @@ const ALBEDO: Color = Color::new(0.2, 0.5, 0.7);
 const EMISSION: Color = Color::new(1.0, 0.5, 0.3);
 const SIZE: [u32; 2] = [24, 16];
 
-fn diffuse() -> Material {
+pub fn diffuse() -> Material {
     Material { base_color: ALBEDO, metallic: 0.0, specular: 0.0, ..Material::default() }
 }
 
 /// The walls of the cube [-1, 1]³ seen from inside, front faces inwards, each a square of two triangles.
-fn cube(material: Material) -> SceneData {
+pub fn cube(material: Material) -> SceneData {
     let mut mesh = TriangleMesh::default();
     for axis in 0..3 {
         for sign in [-1.0, 1.0_f32] {
@@ -41,14 +41,14 @@ fn cube(material: Material) -> SceneData {
 }
 
 /// A square of side 2 in the plane y = 0, seen from above.
-fn plane(material: Material) -> SceneData {
+pub fn plane(material: Material) -> SceneData {
     let positions =
         vec![Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, -1.0)];
     let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [0, 2, 3]], ..TriangleMesh::default() };
     scene_of(mesh, material, Vec3::new(0.0, 1.0, 0.2), Vec3::ZERO)
 }
 
-fn scene_of(mesh: TriangleMesh, material: Material, eye: Vec3, target: Vec3) -> SceneData {
+pub fn scene_of(mesh: TriangleMesh, material: Material, eye: Vec3, target: Vec3) -> SceneData {
     let back = (eye - target).normalize();
     let right = Vec3::Y.cross(back).normalize();
     let camera = Camera {
@@ -62,7 +62,7 @@ fn scene_of(mesh: TriangleMesh, material: Material, eye: Vec3, target: Vec3) -> 
 }
 
 /// A furnace of `material` that glows.
-fn furnace(material: Material) -> Scene {
+pub fn furnace(material: Material) -> Scene {
     build(cube(Material { emission: EMISSION, ..material }))
 }
 

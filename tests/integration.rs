@@ -14,6 +14,7 @@ mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
 mod gradients; // the published gradients compared in the Cornell box
+mod ies; // measured luminaires
 mod imagefile; // images in and out
 mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
 mod images; // whole pictures against references
@@ -25,4 +26,5 @@ mod pictures; // rendering inside the tests
 mod scenes; // our own scenes
 mod schemes; // every preset
 mod scotty3d; // what a second pass and the rotational gradient are worth
+mod sky; // daylight
 mod testdata; // where the optional test data is

@@ -6,16 +6,16 @@ use lumicache::math::{Affine3A, Color, Mat3, PI, Vec2, Vec3};
 use std::sync::Arc;
 
 /// A small generator for tests: PCG-XSH-RR.
-struct Rng(u64);
+pub struct Rng(pub u64);
 
 impl Rng {
-    fn next(&mut self) -> f32 {
+    pub fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let bits = (((self.0 >> 18) ^ self.0) >> 27) as u32;
         (bits.rotate_right((self.0 >> 59) as u32) >> 8) as f32 / 16_777_216.0
     }
 
-    fn vec2(&mut self) -> Vec2 {
+    pub fn vec2(&mut self) -> Vec2 {
         Vec2::new(self.next(), self.next())
     }
 
@@ -24,7 +24,7 @@ impl Rng {
         Vec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0
     }
 
-    fn direction(&mut self) -> Vec3 {
+    pub fn direction(&mut self) -> Vec3 {
         loop {
             let v = self.cube();
             if (1e-4..1.0).contains(&v.length_squared()) {
@@ -99,7 +99,7 @@ fn chi2_z(statistic: f64, dof: f64) -> f64 {
 }
 
 /// Compares counts with expectations, cells with an expectation below 5 pooled. Fails above z = 4.5: a false alarm in 300 000 tests.
-fn assert_chi2(observed: &[f64], expected: &[f64], what: &str) {
+pub fn assert_chi2(observed: &[f64], expected: &[f64], what: &str) {
     let (mut statistic, mut dof, mut pooled) = (0.0, -1.0, (0.0, 0.0));
     for (&o, &e) in observed.iter().zip(expected) {
         if e < 5.0 {
@@ -254,7 +254,7 @@ fn sample_and_pdf_agree() {
     let lamp = PunctualLight::Point { position: Vec3::new(1.0, 0.0, 0.0), intensity: Vec3::ONE, range: f32::INFINITY };
     for count in [1, 2, 12, 200] {
         for environment in [None, Some(EnvironmentMap::constant(Vec3::ONE)), Some(uneven_map(16))] {
-            let lights = build(&triangles[..count], count == 12, vec![sun, lamp], environment);
+            let lights = build(&triangles[..count], count == 12, vec![sun.clone(), lamp.clone()], environment);
             for _ in 0..3000 {
                 let p = rng.cube() * 3.0;
                 let n = (rng.next() < 0.7).then(|| rng.direction());
@@ -458,7 +458,7 @@ fn useless_lights_are_never_chosen() {
     emitters.push(Emitter { triangle: 99, ..emitters[0] });
     let dark = PunctualLight::Point { position: Vec3::ONE, intensity: Vec3::ZERO, range: f32::INFINITY };
     let broken = EnvironmentMap { width: 3, ..EnvironmentMap::constant(Vec3::ONE) };
-    let lights = Lights::build(&geometry, emitters, vec![dark], Some(broken), geometry.bounds());
+    let lights = Lights::build(&geometry, emitters, vec![dark.clone()], Some(broken), geometry.bounds());
     let mut rng = Rng(23);
     let mut found = 0;
     for _ in 0..1000 {

@@ -84,13 +84,15 @@ pub enum IntegratorName {
     Cache,
     /// Path tracing, the reference.
     Path,
+    /// Bidirectional path tracing, for caustics and hidden lamps.
+    Bdpt,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 pub enum LightUnitsName {
     /// Numbers as the file has them.
     Photometric,
-    /// Punctual intensities divided by 683, for files that Blender exported.
+    /// Punctual intensities, luminaires and skies divided by 683 lm/W, for files that Blender exported.
     Radiometric,
 }
 
@@ -146,13 +148,17 @@ pub struct Render {
     /// Light from infinity: an equirectangular image.
     #[arg(long, value_name = "MAP.hdr|.exr")]
     pub env: Option<PathBuf>,
+    /// A CIE standard sky with a sun: overcast, clear, or cie1 to cie15, then azimuth (of the sun, clockwise from north, -Z), elevation, turbidity,
+    /// illuminance, sun=disc|direction|none, sun-illuminance, color, ground.
+    #[arg(long, value_name = "KIND[,KEY=VALUE]...", conflicts_with = "env")]
+    pub sky: Option<String>,
     /// Turn the environment about the vertical axis.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     pub env_rotate: f32,
     /// Multiply the environment's radiance.
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub env_scale: f32,
-    /// How to read the intensities of point, spot and directional lights.
+    /// Units of point, spot and directional lights, IES files and skies.
     #[arg(long, value_enum, default_value = "photometric")]
     pub light_units: LightUnitsName,
     /// Give rough surfaces back the light that scatters between their microfacets, which glTF's model loses.

@@ -10,6 +10,7 @@ use lumicache::error::{Error, Result};
 use lumicache::fsutil;
 use lumicache::geometry::Aabb;
 use lumicache::import::{self, ImportOptions, LightUnits};
+use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::{
     self, Clock, Facts, IntegratorKind, Selection, Settings,
@@ -28,6 +29,9 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     // Everything that can be known to be wrong is found before the work starts.
     let scheme = scheme(arguments)?;
     let selection = Selection::parse(&arguments.aov)?;
+    let options = import_options(arguments);
+    let sky = arguments.sky.as_deref().map(Sky::parse).transpose()?;
+    let sky = sky.map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale)).transpose()?;
     let backend: Backend = arguments.backend.parse()?;
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     let outputs = [Some(&output), arguments.preview.as_ref(), arguments.stats.as_ref()];
@@ -38,7 +42,10 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     cancel_on_interrupt(&progress);
     let bar = Bar::new(&progress, arguments.quiet);
     let mut clock = Clock::default();
-    let outcome = pool.install(|| job(arguments, scheme, &selection, backend, &output, &progress, &mut clock));
+    let outcome = pool.install(|| {
+        let inputs = Inputs { scheme, options, sky, backend };
+        job(arguments, inputs, &selection, &output, &progress, &mut clock)
+    });
     drop(bar);
     let (frame_cancelled, warnings) = outcome?;
     if !arguments.quiet {
@@ -47,19 +54,31 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     Ok(if frame_cancelled { Outcome::Cancelled } else { Outcome::Done })
 }
 
+/// What the arguments say about the scene and how to render it.
+struct Inputs {
+    scheme: Scheme,
+    options: ImportOptions,
+    sky: Option<(EnvironmentMap, Option<PunctualLight>)>,
+    backend: Backend,
+}
+
 /// The run itself; returns whether it was cancelled, and the warnings.
 fn job(
     arguments: &Render,
-    scheme: Scheme,
+    inputs: Inputs,
     selection: &Selection,
-    backend: Backend,
     output: &Path,
     progress: &Progress,
     clock: &mut Clock,
 ) -> Result<(bool, Vec<String>)> {
     clock.start(Phase::Load);
     progress.start(Phase::Load, 0);
-    let mut data = import::gltf(&arguments.scene, &import_options(arguments))?;
+    let Inputs { scheme, options, sky, backend } = inputs;
+    let mut data = import::gltf(&arguments.scene, &options)?;
+    if let Some((environment, sun)) = sky {
+        data.environment = Some(environment);
+        data.punctual.extend(sun);
+    }
     if let Some(map) = &arguments.env {
         data.environment = Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
     }
@@ -196,9 +215,10 @@ fn settings(arguments: &Render, scheme: Scheme, camera: Camera) -> Result<Settin
     let integrator = match arguments.integrator {
         IntegratorName::Cache => IntegratorKind::Cache,
         IntegratorName::Path => IntegratorKind::Path,
+        IntegratorName::Bdpt => IntegratorKind::Bdpt,
     };
-    // Who names a number of samples, and who compares with the reference, gets the same for every pixel.
-    let uniform = arguments.spp.is_some() || integrator == IntegratorKind::Path;
+    // Who names a number of samples, and who renders a reference, gets the same for every pixel.
+    let uniform = arguments.spp.is_some() || integrator != IntegratorKind::Cache;
     Ok(Settings {
         integrator,
         scheme,

@@ -33,6 +33,17 @@ pub struct SurfacePoint {
     pub footprint: f32,
 }
 
+impl SurfacePoint {
+    /// The point as [`interpolate`] gives it when it is looked at from the unit direction `wo`: the normals are on that side. Of a point that was not shaded yet.
+    #[must_use]
+    pub fn seen_from(&self, wo: Vec3) -> Self {
+        if wo.dot(self.ng) >= 0.0 {
+            return Self { wo, ..*self };
+        }
+        Self { ng: -self.ng, frame: Frame::from_normal(-self.frame.n), back_face: !self.back_face, wo, ..*self }
+    }
+}
+
 /// The surface point at barycentric coordinates `(u, v)` (weights of the second and third vertex) of a triangle, seen along the unit direction `dir`.
 ///
 /// The position comes from the vertices and not from the ray, which loses fewer bits. Shading normals that point away from the viewer's side are mirrored

@@ -3,6 +3,7 @@
 use super::accessors::{Accessors, Format};
 use super::budget::Budget;
 use super::cameras::CameraKind;
+use super::ies::Luminaire;
 use super::json::{Fault, Parsed};
 use super::layout::{Component, Shape};
 use super::lights::Light;
@@ -33,6 +34,8 @@ pub(super) struct Parts<'p, 'a> {
     pub skins: &'p [Skin],
     pub cameras: &'p [Option<CameraKind>],
     pub lights: &'p [Option<Light>],
+    /// One for each node.
+    pub luminaires: &'p [Option<Luminaire>],
 }
 
 /// A mesh of the scene with its object-space bounds.
@@ -75,8 +78,10 @@ impl<'p, 'a> Assembly<'p, 'a> {
                     None => self.scene.warnings.push(format!("{}: its camera has no direction and is left out", node.path)),
                 }
             }
-            if let Some(light) = node.light.and_then(|l| self.parts.lights[l].as_ref()) {
-                match light.placed(&node.to_world) {
+            let light = node.light.and_then(|l| self.parts.lights[l].as_ref()).map(|light| light.placed(&node.to_world));
+            let luminaire = self.parts.luminaires[i].as_ref().map(|l| l.placed(&node.to_world, f32::INFINITY));
+            for light in [light, luminaire].into_iter().flatten() {
+                match light {
                     Some(light) => self.scene.punctual.push(light),
                     None => self.scene.warnings.push(format!("{}: its light has no direction and is left out", node.path)),
                 }

@@ -1,8 +1,9 @@
-//! Environment maps.
+//! Environment maps and skies.
 
+use super::LightUnits;
 use crate::error::{Error, Result};
 use crate::imagefile::hdr;
-use crate::light::EnvironmentMap;
+use crate::light::{EnvironmentMap, PunctualLight, Sky};
 use crate::math::Affine3A;
 use std::path::Path;
 
@@ -17,16 +18,7 @@ use std::path::Path;
 /// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0; [`Error::Io`], [`Error::Image`] and
 /// [`Error::Unsupported`] naming the file.
 pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<EnvironmentMap> {
-    if !rotate_degrees.is_finite() {
-        return Err(Error::InvalidArgument(format!(
-            "the rotation of the environment is {rotate_degrees}, which is no finite angle"
-        )));
-    }
-    if !scale.is_finite() || scale < 0.0 {
-        return Err(Error::InvalidArgument(format!(
-            "the scale of the environment is {scale}, and must be finite and not negative"
-        )));
-    }
+    check(rotate_degrees, scale)?;
     let metadata = std::fs::metadata(path).map_err(Error::io(path))?;
     if !metadata.is_file() {
         return Err(Error::image(path, "it is not a regular file"));
@@ -39,6 +31,32 @@ pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<Envir
         scale,
         from_world: Affine3A::from_rotation_y(-rotate_degrees.to_radians()),
     })
+}
+
+/// The environment and the sun of `sky`, turned by `rotate_degrees` as a map would be, everything multiplied by `scale`.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0.
+pub fn sky(sky: &Sky, units: LightUnits, rotate_degrees: f32, scale: f32) -> Result<(EnvironmentMap, Option<PunctualLight>)> {
+    check(rotate_degrees, scale)?;
+    // Azimuths run clockwise.
+    let sky = Sky { azimuth: sky.azimuth - rotate_degrees, ..sky.clone() };
+    let efficacy = units.efficacy() / scale;
+    Ok((EnvironmentMap { scale, ..sky.environment(units.efficacy()) }, sky.sun(efficacy)))
+}
+
+fn check(rotate_degrees: f32, scale: f32) -> Result<()> {
+    if !rotate_degrees.is_finite() {
+        return Err(Error::InvalidArgument(format!(
+            "the rotation of the environment is {rotate_degrees}, which is no finite angle"
+        )));
+    }
+    if !scale.is_finite() || scale < 0.0 {
+        return Err(Error::InvalidArgument(format!(
+            "the scale of the environment is {scale}, and must be finite and not negative"
+        )));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@ use super::json::{Fault, Json, Parsed, quote};
 use super::meshopt;
 
 /// Extensions that we read, or that change nothing in a still picture.
-const KNOWN: [&str; 18] = [
+const KNOWN: [&str; 19] = [
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_animation_pointer",

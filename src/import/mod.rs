@@ -2,7 +2,7 @@
 //!
 //! # What is read
 //!
-//! Everything of the core specification that a still picture shows, and the extensions KHR_lights_punctual, KHR_materials_clearcoat (without
+//! Everything of the core specification that a still picture shows, and the extensions KHR_lights_punctual, EXT_lights_ies, KHR_materials_clearcoat (without
 //! its normal map), _emissive_strength, _ior, _pbrSpecularGlossiness, _specular, _transmission, _unlit and _volume, KHR_mesh_quantization,
 //! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression (and KHR_meshopt_compression) and EXT_texture_webp. A file that requires
 //! any other extension is refused; where it only uses one, the specification promises a sensible scene without.
@@ -41,6 +41,20 @@
 //!
 //! Albedos, coefficients and a lobe's exponent are one number for all channels or three, linear Rec. 709. The first tangent is that of the mesh, along its
 //! first texture coordinate. Unknown properties are errors. [`crate::material::NativeBrdf`] has the formulas.
+//!
+//! # Luminaires
+//!
+//! An IES file is a light where EXT_lights_ies says so, and for exporters that do not write it, where the `extras` of a node or of a light of
+//! KHR_lights_punctual name one:
+//!
+//! ```json
+//! {"name": "lamp on a node", "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "color": [1, 0.9, 0.8]}}}
+//! {"type": "point", "color": [1, 0.9, 0.8], "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "relative": false}}}
+//! ```
+//!
+//! The file stands beside the scene; the light shines along the node's -Z. Its candela are those of the file times `multiplier` and `color`; the
+//! light's `intensity` counts only where `relative` is true, and is then the intensity in the brightest direction. A TILT section takes effect by
+//! the node's inclination, straight down being -Y.
 
 mod accessor_data;
 mod accessors;
@@ -52,6 +66,7 @@ mod cameras;
 mod container;
 mod environment;
 mod extensions;
+mod ies;
 mod images;
 mod json;
 mod layout;
@@ -69,15 +84,18 @@ mod topology;
 mod uri;
 
 pub use cameras::default_camera;
-pub use environment::environment;
+pub use environment::{environment, sky};
+pub use ies::ies;
 
 use crate::error::{Error, Result};
+use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::SceneData;
 use accessors::Accessors;
 use assembly::{Assembly, Parts};
 use budget::Budget;
 use buffers::Buffers;
 use container::Container;
+use ies::Profiles;
 use json::{Json, Parsed};
 use nodes::{Counts, Graph};
 use std::path::Path;
@@ -89,8 +107,18 @@ pub enum LightUnits {
     /// As the file has them.
     #[default]
     Photometric,
-    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts.
+    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts; IES files and skies, which are photometric, too.
     Radiometric,
+}
+
+impl LightUnits {
+    /// Lumens per unit of radiant power, which candela, lux and cd/m² are divided by.
+    pub fn efficacy(self) -> f32 {
+        match self {
+            Self::Photometric => 1.0,
+            Self::Radiometric => LUMINOUS_EFFICACY,
+        }
+    }
 }
 
 /// One of a file's scenes.
@@ -150,7 +178,9 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
     scene.materials = materials::materials(&root, &mut textures, warnings)?;
     let meshes = primitives::meshes(&root, &accessors, scene.materials.len(), warnings)?;
     let cameras = cameras::cameras(&root, warnings)?;
-    let lights = lights::lights(&root, options, warnings)?;
+    let mut profiles = Profiles::parse(&root, &accessors, folder)?;
+    let lights = lights::lights(&root, options, &mut profiles, warnings)?;
+    let luminaires = profiles.nodes(&root, options)?;
     let skins = skins::skins(&root, &accessors, root.array("nodes")?.len())?;
     let counts = Counts {
         accessors: accessors.list.len(),
@@ -163,7 +193,14 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
     let roots = nodes::scene_roots(&root, &graph, options.scene.as_ref(), warnings)?;
 
     scene.textures = textures.build();
-    let parts =
-        Parts { accessors: &accessors, graph: &graph, meshes: &meshes, skins: &skins, cameras: &cameras, lights: &lights };
+    let parts = Parts {
+        accessors: &accessors,
+        graph: &graph,
+        meshes: &meshes,
+        skins: &skins,
+        cameras: &cameras,
+        lights: &lights,
+        luminaires: &luminaires,
+    };
     Assembly::new(parts, scene, &mut budget).build(&roots)
 }

@@ -1,10 +1,12 @@
-//! Light transport: the path tracer that everything is measured against, the probe that gathers in our own scene, and shading from the cache.
+//! Light transport: the path tracer that everything is measured against, the bidirectional one, the probe that gathers in our own scene, and shading from the cache.
 
+mod bdpt;
 mod cached;
 mod path;
 mod points;
 mod probe;
 
+pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
 pub use path::{Origin, PathTracer, Start};
 pub use probe::{Counts, SceneProbe};
@@ -142,6 +144,8 @@ pub struct Shaded {
 pub enum Integrator<'a> {
     /// Path tracing.
     Path(PathTracer<'a>),
+    /// Bidirectional path tracing.
+    Bidirectional(Bidirectional<'a>),
     /// Shading from a filled cache.
     Cached(CachedIntegrator<'a>),
 }
@@ -150,18 +154,24 @@ impl Integrator<'_> {
     /// Thread seconds spent on cache lookups and on direct light; zero where they are not told apart.
     pub fn seconds(&self) -> [f64; 2] {
         match self {
-            Self::Path(_) => [0.0; 2],
+            Self::Path(_) | Self::Bidirectional(_) => [0.0; 2],
             Self::Cached(cached) => cached.seconds(),
         }
     }
 
-    /// Shades `samples` into `out`, in their order.
-    pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>) {
+    /// True if samples bring light to other pixels than their own.
+    pub fn splats(&self) -> bool {
+        matches!(self, Self::Bidirectional(_))
+    }
+
+    /// Shades `samples` into `out`, in their order, and appends what they bring to other pixels to `splats`.
+    pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>, splats: &mut Vec<Splat>) {
         match self {
             Self::Path(tracer) => {
                 out.clear();
                 out.extend(samples.iter().map(|s| tracer.shade(s)));
             }
+            Self::Bidirectional(bidirectional) => bidirectional.shade(samples, out, splats),
             Self::Cached(cached) => cached.shade(samples, out),
         }
     }

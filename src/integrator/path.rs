@@ -11,13 +11,13 @@ use crate::sampling::Sampler;
 use crate::scene::Scene;
 
 /// Paths this short are never ended by Russian roulette.
-const ROULETTE_AFTER: u32 = 4;
+pub(super) const ROULETTE_AFTER: u32 = 4;
 /// Highest probability of survival in Russian roulette.
-const MAX_SURVIVAL: f32 = 0.98;
+pub(super) const MAX_SURVIVAL: f32 = 0.98;
 /// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as probability.
 const GLOSS_SURVIVAL: f32 = 2.0;
 /// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect mirrors.
-const LONGEST_PATH: u32 = 4096;
+pub(super) const LONGEST_PATH: u32 = 4096;
 
 /// Traces light paths through a scene.
 #[derive(Clone, Copy)]

@@ -3,8 +3,10 @@
 use super::{EnvironmentMap, weight};
 use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
 
-/// Largest value of a pixel, the largest finite half: what an infinite pixel (an overflown sun) becomes.
-const MAX_RADIANCE: f32 = 65504.0;
+/// What an infinite pixel (an overflown sun) becomes: the largest finite half.
+const INFINITE: f32 = 65504.0;
+/// Largest value of a pixel; sums over more would leave the range of numbers.
+const MAX_RADIANCE: f32 = 1e20;
 /// Sampling grids have at least this many rows and twice as many columns, so that the factor sinθ of coarse maps is resolved.
 const MIN_ROWS: u32 = 64;
 
@@ -67,7 +69,9 @@ impl Environment {
             return None;
         }
         for pixel in &mut map.pixels {
-            *pixel = Vec3::from_array(pixel.to_array().map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, MAX_RADIANCE) }));
+            *pixel = Vec3::from_array(
+                pixel.to_array().map(|v| if v == f32::INFINITY { INFINITE } else { v.max(0.0).min(MAX_RADIANCE) }),
+            );
         }
         let fluence = fluence(&map);
         if weight(fluence) <= 0.0 {
@@ -261,7 +265,7 @@ impl Grid {
 }
 
 /// Inverts the distribution function of the density on the unit interval that runs linearly from `a` to `b`.
-fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
+pub(super) fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }

@@ -1,5 +1,6 @@
 //! All lights of a scene: choice of a light, sampling towards it, and the densities of both.
 
+use super::distant::Distant;
 use super::environment::Environment;
 use super::lanes::LANES;
 use super::punctual::PunctualIncidence;
@@ -26,9 +27,7 @@ const NONE: u32 = u32::MAX;
 #[derive(Clone, Debug)]
 pub struct Lights {
     tree: LightTree,
-    environment: Option<Environment>,
-    /// Mean irradiance from the environment over all orientations.
-    environment_weight: f32,
+    environment: Option<Distant>,
     directional: Vec<(u32, PunctualLight)>,
     /// Probability of the lights at infinity where both groups reach the receiver.
     infinite_share: f32,
@@ -50,17 +49,20 @@ impl Lights {
         bounds: Aabb,
     ) -> Self {
         let triangles = emitters.into_iter().filter(|e| exists(geometry, e)).map(|e| TriangleLight::new(geometry, e)).collect();
-        let (directional, near): (Vec<_>, Vec<_>) =
-            (0..).zip(punctual).partition(|(_, light)| matches!(light, PunctualLight::Directional { .. }));
+        let discs: Vec<_> = punctual.iter().filter_map(PunctualLight::disc).collect();
+        let (directional, near): (Vec<_>, Vec<_>) = (0..)
+            .zip(punctual)
+            .filter(|(_, light)| light.disc().is_none())
+            .partition(|(_, light)| matches!(light, PunctualLight::Directional { .. }));
         let directional: Vec<_> = directional.into_iter().filter(|(_, l)| weight(l.strength()) > 0.0).collect();
         let near_power: Color = near.iter().filter(|(_, l)| weight(l.strength()) > 0.0).map(|(_, l)| l.power()).sum();
         let tree = LightTree::new(triangles, near);
-        let environment = environment.and_then(Environment::new);
+        let environment = Distant::new(environment.and_then(Environment::new), discs.into_iter());
 
         // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area
         // from inside.
         let finite_power = near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
-        let fluence = environment.as_ref().map_or(Color::ZERO, Environment::fluence);
+        let fluence = environment.as_ref().map_or(Color::ZERO, Distant::fluence);
         let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
         let size = if bounds.is_empty() { Vec3::ZERO } else { bounds.max - bounds.min };
         let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
@@ -71,7 +73,6 @@ impl Lights {
         let radius = 0.5 * bounds.diagonal();
         Self {
             emitters: index_emitters(geometry, tree.triangles()),
-            environment_weight: 0.25 * weight(fluence),
             power: finite_power + (fluence + parallel) * (PI * radius * radius),
             infinite_share: share,
             tree,
@@ -95,7 +96,7 @@ impl Lights {
         self.emitter_index(instance, triangle).map(|i| &self.tree.triangles()[i])
     }
 
-    fn emitter_index(&self, instance: u32, triangle: u32) -> Option<usize> {
+    pub(super) fn emitter_index(&self, instance: u32, triangle: u32) -> Option<usize> {
         let index = *self.emitters.get(instance as usize)?.get(triangle as usize)?;
         (index != NONE).then_some(index as usize)
     }
@@ -117,7 +118,7 @@ impl Lights {
         self.power
     }
 
-    /// Radiance of the environment along a unit world direction, zero without one.
+    /// Radiance of the environment along a unit world direction, discs such as the sun's included; zero without one.
     pub fn environment(&self, direction: Vec3) -> Color {
         self.environment.as_ref().map_or(Color::ZERO, |e| e.radiance(direction))
     }
@@ -162,7 +163,7 @@ impl Lights {
             return 0.0;
         }
         let (infinite, _) = self.infinite_probability(p, n);
-        (1.0 - infinite) * self.tree.probability(p, n, index) * density
+        (1.0 - infinite) * self.tree.probability(p, n, Pick::Triangle(index)) * density
     }
 
     /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way of the environment.
@@ -172,12 +173,32 @@ impl Lights {
             return 0.0;
         }
         let (infinite, total) = self.infinite_probability(p, n);
-        infinite * (self.environment_weight / total) * environment.pdf(n, wi)
+        infinite * (environment.importance(n) / total) * environment.pdf(n, wi)
+    }
+
+    pub(super) fn tree(&self) -> &LightTree {
+        &self.tree
+    }
+
+    pub(super) fn directional(&self) -> &[(u32, PunctualLight)] {
+        &self.directional
+    }
+
+    pub(super) fn distant(&self) -> Option<&Distant> {
+        self.environment.as_ref()
+    }
+
+    pub(super) fn infinite_share(&self) -> f32 {
+        self.infinite_share
+    }
+
+    fn environment_importance(&self, n: Option<Vec3>) -> f32 {
+        self.environment.as_ref().map_or(0.0, |e| e.importance(n))
     }
 
     /// The probability of the lights at infinity, and the sum of their weights.
-    fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f32, f32) {
-        let total = self.environment_weight + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
+    pub(super) fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f32, f32) {
+        let total = self.environment_importance(n) + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
         if total <= 0.0 {
             (0.0, total)
         } else if self.tree.reaches(p, n) {
@@ -197,7 +218,7 @@ impl Lights {
                 continue;
             }
             let directional = self.directional.iter().map(|(_, l)| l.importance(p, n));
-            for (i, share) in comb.split(share, std::iter::once(self.environment_weight).chain(directional)) {
+            for (i, share) in comb.split(share, std::iter::once(self.environment_importance(n)).chain(directional)) {
                 out(if i == 0 { Light::Environment } else { Light::Directional(i - 1) }, share);
             }
         }
@@ -229,7 +250,7 @@ struct Prepared<'a> {
 }
 
 enum PreparedKind<'a> {
-    Environment(&'a Environment),
+    Environment(&'a Distant),
     Triangle(View<'a>),
     Punctual(u32, PunctualIncidence),
 }

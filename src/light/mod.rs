@@ -1,19 +1,30 @@
-//! Light sources: emissive triangles, the environment and punctual lights, and the sampling of all of them.
+//! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and the sampling of all of them.
 
 mod bounds;
+mod distant;
+mod emission;
 mod environment;
+mod ies;
 mod lanes;
 mod lights;
 mod polygon;
 mod punctual;
+mod sky;
 mod tree;
 mod triangle;
 
+pub use emission::{Emission, EmissionSampler, LightEnd};
+pub use ies::{IesFault, IesProfile, Photometry};
 pub use lights::Lights;
 pub use polygon::polygon_irradiance;
+pub use sky::{Sky, SkyKind, SunKind};
 pub use triangle::TriangleLight;
 
-use crate::math::{Affine3A, Color, Vec3};
+use crate::math::{Affine3A, Color, Mat3, Vec3};
+use std::sync::Arc;
+
+/// Lumens per watt of monochromatic light of 555 nm: takes photometric numbers to radiometric ones. Blender's exporter multiplies by it.
+pub const LUMINOUS_EFFICACY: f32 = 683.0;
 
 /// A triangle that emits, as the scene names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +53,7 @@ pub enum LightSource {
         /// Weight of the third vertex.
         v: f32,
     },
-    /// The environment.
+    /// The environment, or a disc in front of it.
     Environment,
     /// A light without extent: its index among the punctual lights of the scene.
     Punctual(u32),
@@ -72,8 +83,8 @@ fn weight(color: Color) -> f32 {
     if mean.is_finite() { mean.max(0.0) } else { 0.0 }
 }
 
-/// A light without extent (KHR_lights_punctual), already in world space and in radiometric numbers as the scene file has them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A light that is no part of the geometry (KHR_lights_punctual, EXT_lights_ies, the sun), already in world space and in the numbers that the scene file has.
+#[derive(Clone, Debug, PartialEq)]
 pub enum PunctualLight {
     /// Radiates `intensity` in all directions.
     Point {
@@ -99,12 +110,35 @@ pub enum PunctualLight {
         /// Cosine of the outer half angle, where it ends.
         cos_outer: f32,
     },
+    /// A luminaire: a point whose intensity over direction was measured.
+    Ies {
+        /// World position.
+        position: Vec3,
+        /// World to the profile's frame: orthogonal, a reflection where the scene mirrors the luminaire.
+        from_world: Mat3,
+        /// Factor on the profile's candela.
+        scale: Color,
+        /// Distance at which the light is cut off, infinite by default.
+        range: f32,
+        /// The distribution.
+        profile: Arc<IesProfile>,
+    },
     /// Parallel light.
     Directional {
         /// Unit direction in which the light travels.
         direction: Vec3,
         /// Irradiance on a surface across the light.
         irradiance: Color,
+    },
+    /// A disc at infinity such as the sun's, of the same radiance all over. Unlike the others it has an extent, is seen, and samples of it count as the
+    /// environment's.
+    Disc {
+        /// Unit direction in which the light from its centre travels.
+        direction: Vec3,
+        /// Irradiance on a surface across the light.
+        irradiance: Color,
+        /// Angular radius in radians, above 0 and below π/2.
+        radius: f32,
     },
 }
 

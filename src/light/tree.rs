@@ -123,6 +123,10 @@ pub(super) struct LightTree {
     punctual: Vec<(u32, PunctualLight)>,
     /// For each triangle, the path from the root to its leaf: bits 2i and 2i + 1 are the child that it takes at depth i.
     paths: Vec<u64>,
+    /// The same for each punctual light.
+    punctual_paths: Vec<u64>,
+    /// For each punctual light, its index in the scene and its place, in the order of the former.
+    punctual_places: Vec<(u32, usize)>,
 }
 
 impl LightTree {
@@ -140,10 +144,14 @@ impl LightTree {
             triangles: Vec::new(),
             punctual: Vec::new(),
             paths: Vec::new(),
+            punctual_paths: Vec::new(),
+            punctual_places: Vec::new(),
         };
         if !items.is_empty() {
             tree.root = Some(tree.build(&mut items, 0, 0, &triangles, &punctual));
         }
+        tree.punctual_places = (0..).zip(&tree.punctual).map(|(place, (index, _))| (*index, place)).collect();
+        tree.punctual_places.sort_unstable();
         tree
     }
 
@@ -185,7 +193,10 @@ impl LightTree {
                     self.triangles.push(triangles[i]);
                     self.paths.push(path);
                 }
-                Pick::Punctual(i) => self.punctual.push(punctual[i]),
+                Pick::Punctual(i) => {
+                    self.punctual.push(punctual[i].clone());
+                    self.punctual_paths.push(path);
+                }
             }
         }
         self.lanes.extend(self.triangles[first[0] as usize..].chunks(LANES).map(TriangleLanes::new));
@@ -202,6 +213,16 @@ impl LightTree {
     /// True if there is a point or spot light.
     pub fn has_punctual(&self) -> bool {
         !self.punctual.is_empty()
+    }
+
+    /// The punctual lights with their indices in the scene.
+    pub fn punctual_lights(&self) -> &[(u32, PunctualLight)] {
+        &self.punctual
+    }
+
+    /// The place of a punctual light by its index in the scene.
+    pub fn find_punctual(&self, scene_index: u32) -> Option<usize> {
+        self.punctual_places.binary_search_by_key(&scene_index, |(index, _)| *index).ok().map(|i| self.punctual_places[i].1)
     }
 
     /// The punctual light of a pick and its index in the scene.
@@ -259,10 +280,13 @@ impl LightTree {
         }
     }
 
-    /// The probability that a choice falls on a triangle (an index into [`LightTree::triangles`]).
-    pub fn probability(&self, p: Vec3, n: Option<Vec3>, triangle: usize) -> f32 {
+    /// The probability that a choice falls on a light, a triangle by its index in [`LightTree::triangles`].
+    pub fn probability(&self, p: Vec3, n: Option<Vec3>, pick: Pick) -> f32 {
         let mut probability = 1.0;
-        let mut path = self.paths[triangle];
+        let mut path = match pick {
+            Pick::Triangle(i) => self.paths[i],
+            Pick::Punctual(i) => self.punctual_paths[i],
+        };
         let mut child = self.root;
         while let Some(Child::Inner(node)) = child {
             let node = &self.nodes[node as usize];
@@ -278,7 +302,11 @@ impl LightTree {
         let Some(Child::Leaf(leaf)) = child else { return 0.0 };
         let leaf = &self.leaves[leaf as usize];
         let (importance, slots) = self.leaf_importance(leaf, p, n);
-        (probability * fraction(&importance[..slots], triangle - leaf.triangles.start as usize)) as f32
+        let slot = match pick {
+            Pick::Triangle(i) => i - leaf.triangles.start as usize,
+            Pick::Punctual(i) => slots - leaf.punctual.len() + i - leaf.punctual.start as usize,
+        };
+        (probability * fraction(&importance[..slots], slot)) as f32
     }
 
     /// The importance of each light of a leaf, and the number of slots that they take.
@@ -316,9 +344,12 @@ fn triangle_bounds(triangle: &TriangleLight) -> LightBounds {
 
 fn punctual_bounds(light: &PunctualLight) -> LightBounds {
     let (position, axis, theta_o) = match *light {
+        PunctualLight::Ies { position, from_world, ref profile, .. } => {
+            (position, from_world.transpose() * Vec3::NEG_Z, profile.reach())
+        }
         PunctualLight::Point { position, .. } => (position, Vec3::Z, PI),
         PunctualLight::Spot { position, direction, cos_outer, .. } => (position, direction, cos_outer.clamp(-1.0, 1.0).acos()),
-        PunctualLight::Directional { direction, .. } => (Vec3::ZERO, direction, 0.0),
+        PunctualLight::Directional { direction, .. } | PunctualLight::Disc { direction, .. } => (Vec3::ZERO, direction, 0.0),
     };
     LightBounds { bounds: Aabb { min: position, max: position }, axis, theta_o, intensity: super::weight(light.strength()) }
 }

@@ -108,6 +108,14 @@ impl TriangleLight {
         self.emitter.radiance * (std::f32::consts::PI * faces * self.area())
     }
 
+    /// A point uniform over the area for `u` in [0, 1)²: the weights of the mesh's second and third vertex, and its position.
+    pub(super) fn point(&self, u: Vec2) -> ([f32; 2], Vec3) {
+        let root = u.x.sqrt();
+        let (beta, gamma) = (root * (1.0 - u.y), root * u.y);
+        let position = self.corner + self.edges[0] * beta + self.edges[1] * gamma;
+        (if self.mirrored { [gamma, beta] } else { [beta, gamma] }, position)
+    }
+
     /// Radiant intensity along the normal, as sampling weighs colours.
     pub(super) fn intensity(&self) -> f32 {
         self.weight * self.area()

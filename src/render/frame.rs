@@ -6,7 +6,7 @@ use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, Refinement}
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded};
+use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded, Splat};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
@@ -19,6 +19,8 @@ use super::clock::Clock;
 const TILE: u32 = 16;
 /// Samples that each pixel gets in one pass over the image, so that a cancelled picture is complete.
 const PASS: u32 = 16;
+/// Tiles after which splats are added to the film, in the order of the tiles: few enough to keep them in memory.
+const WAVE: u32 = 64;
 /// Shading points of the deeper levels, per level.
 const DEEPER_POINTS: usize = 16_384;
 
@@ -71,9 +73,13 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     }
     if !frame.cancelled && !settings.prepass_only {
         clock.start(Phase::Render);
-        let integrator = match &frame.cache {
-            Some(cache) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
-            None => Integrator::Path(tracer),
+        let integrator = match (&frame.cache, settings.integrator) {
+            (Some(cache), _) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
+            (None, IntegratorKind::Bdpt) => {
+                let camera = settings.camera.clone();
+                Integrator::Bidirectional(Bidirectional::new(tracer, camera, settings.size, settings.window))
+            }
+            (None, _) => Integrator::Path(tracer),
         };
         frame.cancelled = render(&integrator, settings, limits.as_deref(), &mut frame.film, progress, watcher);
         frame.shading_seconds = integrator.seconds();
@@ -173,35 +179,44 @@ fn render(
     let mut wanted = vec![settings.spp; film.pixels().len()];
     let mut work = u64::from(width) * u64::from(height) * u64::from(settings.spp);
     progress.start(Phase::Render, work);
+    let tiles = across * down;
+    let wave = if integrator.splats() { WAVE } else { tiles };
     let mut first = 0;
     while first < wanted.iter().copied().max().unwrap_or(0) && !progress.is_cancelled() {
         let last = first + PASS.min(settings.spp - first % settings.spp);
         let shared = Mutex::new((&mut *film, &mut *watcher));
-        (0..across * down).into_par_iter().for_each(|t| {
-            if progress.is_cancelled() {
-                return;
-            }
-            let (x, y) = (t % across * TILE, t / across * TILE);
-            let area = [x, y, width.min(x + TILE), height.min(y + TILE)];
-            // Each pixel gets whole runs of `spp` samples, so a pass is for it or is not.
-            let numbers: Vec<u32> = (area[1]..area[3])
-                .flat_map(|y| y * width + area[0]..y * width + area[2])
-                .filter(|&p| wanted[p as usize] > first)
-                .collect();
-            if numbers.is_empty() {
-                return;
-            }
-            let pixels = shade(integrator, settings, limits, &numbers, first..last);
+        for start in (0..tiles).step_by(wave as usize) {
+            let render_tile = |t: u32| {
+                if progress.is_cancelled() {
+                    return Vec::new();
+                }
+                let (x, y) = (t % across * TILE, t / across * TILE);
+                let area = [x, y, width.min(x + TILE), height.min(y + TILE)];
+                // Each pixel gets whole runs of `spp` samples, so a pass is for it or is not.
+                let numbers: Vec<u32> = (area[1]..area[3])
+                    .flat_map(|y| y * width + area[0]..y * width + area[2])
+                    .filter(|&p| wanted[p as usize] > first)
+                    .collect();
+                if numbers.is_empty() {
+                    return Vec::new();
+                }
+                let (pixels, splats) = shade(integrator, settings, limits, &numbers, first..last);
+                let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                let (film, watcher) = &mut *guard;
+                for (&number, new) in numbers.iter().zip(&pixels) {
+                    film.pixels_mut()[number as usize].merge(new);
+                }
+                watcher(area, film);
+                progress.advance(pixels.len() as u64 * u64::from(last - first));
+                splats
+            };
+            let splats: Vec<Vec<Splat>> = (start..tiles.min(start + wave)).into_par_iter().map(render_tile).collect();
             let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            let (film, watcher) = &mut *guard;
-            for (&number, new) in numbers.iter().zip(&pixels) {
-                film.pixels_mut()[number as usize].merge(new);
-            }
-            watcher(area, film);
-            progress.advance(pixels.len() as u64 * u64::from(last - first));
-        });
+            splats.iter().flatten().for_each(|splat| guard.0.splat(splat));
+        }
         first = last;
-        if first == settings.spp && settings.noise > 0.0 && !progress.is_cancelled() {
+        // What light paths bring is divided by one number of samples for the whole image.
+        if first == settings.spp && settings.noise > 0.0 && !integrator.splats() && !progress.is_cancelled() {
             wanted = samples_wanted(film, settings.spp, settings.noise);
             let all: u64 = wanted.iter().map(|&n| u64::from(n)).sum();
             progress.extend(all - work);
@@ -211,27 +226,29 @@ fn render(
     progress.is_cancelled()
 }
 
-/// Shades samples `indices` of the pixels with these numbers.
+/// Shades samples `indices` of the pixels with these numbers. Returns those pixels, and what the samples bring to any pixel.
 fn shade(
     integrator: &Integrator,
     settings: &Settings,
     limits: Option<&[u32]>,
     numbers: &[u32],
     indices: std::ops::Range<u32>,
-) -> Vec<Pixel> {
+) -> (Vec<Pixel>, Vec<Splat>) {
     let mut samples = Vec::with_capacity(numbers.len() * indices.len());
     for &p in numbers {
         let limit = limits.map_or(u32::MAX, |l| l[p as usize]);
         samples.extend(indices.clone().map(|i| camera_sample(settings, p, i, limit)));
     }
     let mut shaded: Vec<Shaded> = Vec::with_capacity(samples.len());
-    integrator.shade(&samples, &mut shaded);
-    shaded
+    let mut splats = Vec::new();
+    integrator.shade(&samples, &mut shaded, &mut splats);
+    let pixels = shaded
         .chunks(indices.len())
         .map(|samples| {
             let mut pixel = Pixel::default();
             samples.iter().for_each(|s| pixel.add(s));
             pixel
         })
-        .collect()
+        .collect();
+    (pixels, splats)
 }

@@ -10,6 +10,8 @@ pub enum IntegratorKind {
     Cache,
     /// Path tracing, the reference.
     Path,
+    /// Bidirectional path tracing.
+    Bdpt,
 }
 
 impl IntegratorKind {
@@ -18,6 +20,7 @@ impl IntegratorKind {
         match self {
             Self::Cache => "cache",
             Self::Path => "path",
+            Self::Bdpt => "bdpt",
         }
     }
 }
@@ -27,7 +30,7 @@ impl IntegratorKind {
 pub struct Settings {
     /// Light transport.
     pub integrator: IntegratorKind,
-    /// The caching scheme; unused by the path tracer.
+    /// The caching scheme; unused by the path tracers.
     pub scheme: Scheme,
     /// The camera.
     pub camera: Camera,

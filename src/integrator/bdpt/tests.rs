@@ -1,0 +1,1 @@
+//! The densities that the walks collect are those of the paths that they make.

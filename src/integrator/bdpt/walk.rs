@@ -1,0 +1,240 @@
+//! The two random walks: one from the camera, one from a light.
+
+use super::Bidirectional;
+use super::vertex::Vertex;
+use super::weight::LightDensity;
+use crate::accel::Ray;
+use crate::geometry::offset_origin;
+use crate::integrator::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
+use crate::integrator::{CameraSample, Shaded, Surface};
+use crate::light::{LightEnd, LightSource};
+use crate::material::Lobe;
+use crate::math::{Color, Vec2, Vec3};
+use crate::sampling::{Sampler, hash};
+
+/// Tells the light path's numbers from the camera path's.
+const LIGHT_STREAM: u64 = 0x006c_6967_6874;
+
+/// A camera path: the camera and its surface vertices.
+#[derive(Default)]
+pub(super) struct CameraPath {
+    pub vertices: Vec<Seen>,
+    /// The direction in which it left the scene, with its density per steradian, and what it carried.
+    pub escaped: Option<(Vec3, f64, Color)>,
+    /// The weights of the first scattering by the diffuse lobe and by the others, which what later vertices carry does not include.
+    pub first: (Color, Color),
+}
+
+/// A surface vertex of a camera path.
+pub(super) struct Seen {
+    pub vertex: Vertex,
+    /// What the path carried on arrival, before absorption on the way.
+    pub arrived: Color,
+    /// Numbers that choose a light.
+    pub choice: (f32, Vec2),
+}
+
+/// A light path: its end on the light and its surface vertices.
+#[derive(Default)]
+pub(super) struct LightPath {
+    pub end: Option<LightEnd>,
+    /// Densities of the end.
+    pub density: LightDensity,
+    pub vertices: Vec<Vertex>,
+}
+
+impl Bidirectional<'_> {
+    /// Most surfaces that scatter on one path.
+    pub(super) fn most_surfaces(&self) -> usize {
+        self.tracer.max_bounces.min(LONGEST_PATH) as usize + 1
+    }
+
+    /// Walks from the camera; notes the first surface in `out`.
+    pub(super) fn walk_from_camera(&self, sample: &CameraSample, path: &mut CameraPath, out: &mut Shaded) {
+        path.vertices.clear();
+        path.escaped = None;
+        let (mut sampler, seed, mut ray) = (sample.sampler.clone(), sample.alpha_seed(), sample.ray());
+        // As the path tracer's: without the first scattering, whose weight is kept apart.
+        let (mut beta, mut carried) = (Color::ONE, Color::ONE);
+        let mut density = f32::INFINITY;
+        loop {
+            let count = path.vertices.len();
+            let Some((raw, distance)) = self.tracer.scene.intersect(&ray, seed.wrapping_add(count as u64)) else {
+                path.escaped = Some((ray.dir, f64::from(density), beta));
+                return;
+            };
+            let arrived = beta;
+            if count > 0 {
+                let left = self.tracer.scene.transmittance(&raw, distance);
+                (beta, carried) = (beta * left, carried * left);
+            }
+            let mut vertex = Vertex::new(self.tracer.scene, raw, beta, 0.0);
+            vertex.forward = match path.vertices.last() {
+                None => {
+                    out.surface = Some(Surface::new(&vertex.point, &vertex.bsdf, distance));
+                    self.camera_density(&vertex)
+                }
+                Some(last) => vertex.per_area(density, last.vertex.point.position),
+            };
+            let choice = (sampler.next_2d(), sampler.next_1d());
+            path.vertices.push(Seen { vertex, arrived, choice: (choice.1, choice.0) });
+            // One surface more than may scatter: it may still be a lamp.
+            if count >= self.most_surfaces() {
+                return;
+            }
+            let Some((scattered, next)) = self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
+            let (to, single) = (next.dir, scattered.lobe == Lobe::Delta);
+            density = if single { 1.0 } else { scattered.pdf };
+            if count == 0 {
+                path.first = split(&vertex.site(), &scattered);
+            } else {
+                beta *= scattered.weight;
+            }
+            carried *= scattered.weight;
+            let back = if single { 1.0 } else { vertex.to_camera(to) };
+            path.vertices[count].vertex.delta = single;
+            if let [.., before, _] = &mut path.vertices[..] {
+                before.vertex.backward = before.vertex.per_area(back, vertex.point.position);
+            }
+            if count >= ROULETTE_AFTER as usize {
+                let survival = (carried.max_element() * scattered.eta * scattered.eta).min(MAX_SURVIVAL);
+                if sampler.next_1d() >= survival {
+                    return;
+                }
+                (beta, carried) = (beta / survival, carried / survival);
+            }
+            ray = next;
+        }
+    }
+
+    /// Density per area with which the camera makes the first vertex, all samples of the window taken together.
+    fn camera_density(&self, vertex: &Vertex) -> f64 {
+        let view = self.camera.view(vertex.point.position, self.size);
+        view.map_or(0.0, |v| f64::from(v.pixels_per_area * vertex.point.ng.dot(v.to_camera).abs()) / self.pixels())
+    }
+
+    /// Walks from a light.
+    pub(super) fn walk_from_light(&self, sample: &CameraSample, path: &mut LightPath) {
+        path.vertices.clear();
+        path.end = None;
+        let seed = hash(&[sample.seed, LIGHT_STREAM]);
+        let mut sampler = Sampler::new(seed, sample.index);
+        let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
+        let Some(start) = self.emission.sample(select, place, turn) else { return };
+        let emitted = match start.end.source {
+            LightSource::Triangle { instance, triangle, u, v } if self.tracer.scene.emission_is_textured(instance) => {
+                self.tracer.scene.emission_at(instance, triangle, u, v, -start.direction)
+            }
+            _ => start.emitted,
+        };
+        path.end = Some(start.end);
+        path.density = LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
+        let origin = if start.end.normal == Vec3::ZERO {
+            start.origin
+        } else {
+            offset_origin(start.origin, start.end.normal, start.direction)
+        };
+        let mut ray = Ray { origin, tmin: 0.0, dir: start.direction, tmax: f32::INFINITY };
+        let (mut beta, mut density) = (emitted * start.measure, start.ray_density);
+        let alpha = hash(&[seed, u64::from(sample.index)]);
+        let mut first = Color::ONE;
+        loop {
+            let count = path.vertices.len();
+            let Some((raw, distance)) = self.tracer.scene.intersect(&ray, alpha.wrapping_add(count as u64)) else { return };
+            let forward = match path.vertices.last() {
+                None => {
+                    beta *= self.emission.window(&start.end, distance);
+                    first = beta;
+                    None
+                }
+                Some(last) => {
+                    beta *= last.transmittance(self.tracer.scene, ray.dir, distance);
+                    Some(last.point.position)
+                }
+            };
+            if beta == Color::ZERO || !beta.is_finite() {
+                return;
+            }
+            let mut vertex = Vertex::new(self.tracer.scene, raw, beta, 0.0);
+            vertex.forward = match forward {
+                None if start.end.distant => vertex.per_area_of_parallel(density, ray.dir),
+                None => vertex.per_area(density, start.end.position),
+                Some(from) => vertex.per_area(density, from),
+            };
+            if count == 0 {
+                path.density.sampled = self.sampled_density(&vertex, &start.end);
+            }
+            path.vertices.push(vertex);
+            if count + 1 >= self.most_surfaces() {
+                return;
+            }
+            if count >= ROULETTE_AFTER as usize {
+                let survival = (beta.max_element() / first.max_element()).min(MAX_SURVIVAL);
+                if sampler.next_1d() >= survival {
+                    return;
+                }
+                beta /= survival;
+            } else {
+                // The next set of numbers starts with the lobe and the direction.
+                sampler.next_1d();
+            }
+            let Some((scattered, next)) = self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
+            let (to, single) = (next.dir, scattered.lobe == Lobe::Delta);
+            density = if single { 1.0 } else { scattered.pdf };
+            let back = if single {
+                // Light loses nothing by the change of its solid angle, and the cosines of shading normals are not those of a camera path.
+                let corrected = vertex.light_cosine(to) / vertex.point.frame.n.dot(to).abs();
+                beta *= scattered.weight * (scattered.eta * scattered.eta * corrected);
+                1.0
+            } else {
+                let scattering = vertex.of_light_path(self.tracer.scene, to);
+                beta *= scattering.f * (vertex.light_cosine(to) / scattered.pdf);
+                scattering.to_light
+            };
+            path.vertices[count].delta = single;
+            self.set_backward(path, count, back);
+            ray = next;
+        }
+    }
+
+    /// Sets the density with which a camera path that samples with `density` at vertex `at` makes the vertex before it, or the light's end.
+    fn set_backward(&self, path: &mut LightPath, at: usize, density: f32) {
+        let from = path.vertices[at].point.position;
+        match (at.checked_sub(1), path.end) {
+            (Some(before), _) => path.vertices[before].backward = path.vertices[before].per_area(density, from),
+            (None, Some(end)) => path.density.hit = hit_density(&end, density, from),
+            (None, None) => {}
+        }
+    }
+
+    /// Density with which light sampling at `vertex` finds the end of a light path.
+    pub(super) fn sampled_density(&self, vertex: &Vertex, end: &LightEnd) -> f64 {
+        let lights = self.tracer.scene.lights();
+        let origin = vertex.site().origin();
+        let (p, n) = (origin.position, origin.facing);
+        match end.source {
+            LightSource::Punctual(index) => f64::from(lights.pdf_punctual(p, n, index)),
+            LightSource::Environment => f64::from(lights.pdf_environment(p, n, vertex.point.wo)),
+            LightSource::Triangle { instance, triangle, .. } => {
+                let offset = end.position - p;
+                let distance = offset.length();
+                let pdf = lights.pdf_triangle(p, n, instance, triangle, offset / distance, distance);
+                hit_density(end, pdf, p)
+            }
+        }
+    }
+}
+
+/// The density of a light's end for a camera path that samples the direction to it with `density` per steradian at `from`: per area of a surface, per steradian for the
+/// environment, 0 for a light without extent.
+pub(super) fn hit_density(end: &LightEnd, density: f32, from: Vec3) -> f64 {
+    if end.delta {
+        return 0.0;
+    }
+    if end.distant {
+        return f64::from(density);
+    }
+    let offset = from - end.position;
+    let squared = offset.length_squared();
+    if squared > 0.0 { f64::from(density * end.normal.dot(offset).abs() / (squared * squared.sqrt())) } else { 0.0 }
+}
