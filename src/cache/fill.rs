@@ -8,6 +8,7 @@ use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
 use crate::sampling::hash;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The shading points of one level, in the order in which they are to be visited.
 pub struct LevelPoints {
@@ -66,12 +67,13 @@ struct Filling<'a> {
 }
 
 impl Cache {
-    /// Makes records until every point of `points` on `level` is covered. Deeper levels must be filled already, if the gathers are to use them.
+    /// Makes records until every point of `points` on `level` is covered, beside those that the level has already. Deeper levels must be filled already, if the
+    /// gathers are to use them.
     ///
     /// The same arguments give the same records on any number of threads.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays empty then.
+    /// [`Error::Cancelled`]; the level stays as it was then.
     pub fn fill(
         &mut self,
         probe: &dyn RadianceProbe,
@@ -80,7 +82,23 @@ impl Cache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let mut filling = Filling::new(self, probe, level, seed);
+        let before = self.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
+        let (filled, stats) = self.filled(probe, level, points, seed, before, progress)?;
+        self.levels[usize::from(level)] = Some(Arc::new(filled));
+        Ok(stats)
+    }
+
+    /// What [`Cache::fill`] would make of `level` if `before` were its records; the cache does not change.
+    pub(super) fn filled(
+        &self,
+        probe: &dyn RadianceProbe,
+        level: u8,
+        points: &LevelPoints,
+        seed: u64,
+        before: Vec<Record>,
+        progress: &Progress,
+    ) -> Result<(Level, FillStats)> {
+        let mut filling = Filling::new(self, probe, level, seed, before);
         let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
         while begin < points.points.len() {
             let end = points.points.len().min(begin + round);
@@ -102,12 +120,11 @@ impl Cache {
             }
         }
         let Filling { records, stats, .. } = filling;
-        self.levels[usize::from(level)] = Some(self.finish(level, records));
-        Ok(stats)
+        Ok((self.finish(level, records), stats))
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
-    fn finish(&self, level: u8, records: Vec<Record>) -> Level {
+    pub(super) fn finish(&self, level: u8, records: Vec<Record>) -> Level {
         let index = self.index(&records, self.shading_reach(level));
         Level { records, index }
     }
@@ -122,8 +139,9 @@ impl Cache {
 }
 
 impl<'a> Filling<'a> {
-    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64) -> Self {
+    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
         let reach = Reach::new(&cache.scheme, level, cache.scene_size, 1.0);
+        let envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
         Self {
             cache,
             probe,
@@ -131,11 +149,11 @@ impl<'a> Filling<'a> {
             seed: hash(&[seed, u64::from(level)]),
             reach,
             shading_reach: cache.shading_reach(level),
-            records: Vec::new(),
-            index: cache.index(&[], reach),
-            indexed: 0,
+            index: cache.index(&records, reach),
+            indexed: records.len(),
+            records,
             fresh: cache.index(&[], reach),
-            envelope: Envelope::build(std::iter::empty()),
+            envelope,
             stats: FillStats::default(),
         }
     }

@@ -66,6 +66,8 @@ pub struct Answer {
     pub error: f32,
     /// Number of records that took part.
     pub records: u32,
+    /// Sum of their weights, by which answers of several indexes are averaged.
+    pub weight: f32,
 }
 
 impl Index {
@@ -211,7 +213,7 @@ impl Index {
             errors += w * error;
             records += 1;
         });
-        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records })
+        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records, weight: weights })
     }
 
     /// Bytes that the index occupies.
