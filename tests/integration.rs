@@ -13,6 +13,7 @@ mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
 mod gradients; // the published gradients compared in the Cornell box
+mod header; // the C header and the guard
 mod imagefile; // images in and out
 mod images; // whole pictures against references
 mod layers; // both integrators fill the layers alike

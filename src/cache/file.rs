@@ -219,7 +219,8 @@ impl CacheFile {
             bytes.split_last_chunk::<HASH>().filter(|(c, _)| c.len() >= FIXED).ok_or_else(|| corrupt("it is cut short"))?;
         let word = |at: usize| u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]]);
         if word(8) > VERSION {
-            let what = format!("its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}", word(8));
+            let what =
+                format!("its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}", word(8));
             return Err(Error::unsupported(path, "", what));
         }
         if blake3::hash(content) != *hash {
@@ -250,6 +251,8 @@ impl LevelHeader {
             let start = usize::try_from(column.offset).ok()?;
             columns.insert(name, (bytes, data.get(start..start.checked_add(bytes.checked_mul(count)?)?)?));
         }
-        (0..count).map(|i| columns::get(|name| columns.get(name).map(|(bytes, data)| &data[i * bytes..(i + 1) * bytes]))).collect()
+        (0..count)
+            .map(|i| columns::get(|name| columns.get(name).map(|(bytes, data)| &data[i * bytes..(i + 1) * bytes])))
+            .collect()
     }
 }

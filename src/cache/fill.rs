@@ -18,6 +18,15 @@ pub struct LevelPoints {
     pub round: usize,
 }
 
+impl LevelPoints {
+    /// `points` in an order that scatters them, whatever theirs was; it depends on their number and `seed` alone.
+    pub fn scattered(points: Vec<SurfacePoint>, seed: u64) -> Self {
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        order.sort_by_cached_key(|i| (hash(&[seed, 1, u64::from(*i)]), *i));
+        Self { points: order.into_iter().map(|i| points[i as usize]).collect(), round: 0 }
+    }
+}
+
 /// What the filling of one level did.
 #[derive(Clone, Debug, Default)]
 pub struct FillStats {

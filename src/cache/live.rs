@@ -143,7 +143,13 @@ impl Live {
     ///
     /// # Errors
     /// [`Error::Cancelled`], and [`Error::InvalidArgument`] when the cache is frozen; nothing is added then.
-    pub fn fill(&self, probe: &dyn RadianceProbe, mut points: Vec<SurfacePoint>, seed: u64, progress: &Progress) -> Result<FillStats> {
+    pub fn fill(
+        &self,
+        probe: &dyn RadianceProbe,
+        mut points: Vec<SurfacePoint>,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<FillStats> {
         let base = self.snapshot();
         if base.frozen {
             return Err(Error::InvalidArgument("the cache is frozen: it takes no more records".into()));
@@ -248,7 +254,8 @@ mod tests {
                 s.spawn(|| {
                     let mut before = 0;
                     for _ in 0..500 {
-                        let (count, answers) = live.read(|s| (s.record_count(), row(0.0).iter().filter_map(|p| s.lookup(p)).count()));
+                        let (count, answers) =
+                            live.read(|s| (s.record_count(), row(0.0).iter().filter_map(|p| s.lookup(p)).count()));
                         assert!(count >= before && answers <= 100, "{count} records after {before}");
                         before = count;
                     }

@@ -1,6 +1,7 @@
 //! Light transport: the path tracer that everything is measured against, the probe that gathers in our own scene, and shading from the cache.
 
 mod cached;
+mod outgoing;
 mod path;
 mod points;
 mod probe;
