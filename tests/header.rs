@@ -84,7 +84,11 @@ fn every_exported_function_goes_through_the_guard() {
     for entry in std::fs::read_dir(root().join("src/capi")).unwrap() {
         let path = entry.unwrap().path();
         let source = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(source.contains("extern \"C\" fn lumi_"), sources().contains(&path) && !path.ends_with("types.rs"), "{path:?}");
+        assert_eq!(
+            source.contains("extern \"C\" fn lumi_"),
+            sources().contains(&path) && !path.ends_with("types.rs"),
+            "{path:?}"
+        );
         functions.extend(exported(&source));
     }
     assert!(functions.len() > 30);
@@ -93,7 +97,8 @@ fn every_exported_function_goes_through_the_guard() {
         // Nothing but plain declarations stands outside the guard, which is given the function's own name.
         let before: Vec<_> = body.lines().take_while(|l| !l.contains(&format!("(\"{name}\", "))).collect();
         assert!(before.len() < body.lines().count(), "{name} has no guard of its name");
-        let plain = |l: &str| l.trim().starts_with("let mut ") || l.trim().starts_with("const ") || l.contains("=> ") || l.trim() == "};";
+        let plain =
+            |l: &str| l.trim().starts_with("let mut ") || l.trim().starts_with("const ") || l.contains("=> ") || l.trim() == "};";
         assert!(before.iter().all(|l| plain(l)), "{name} does something before its guard: {before:?}");
         let guard = body.lines().find(|l| l.contains(&format!("(\"{name}\", "))).unwrap().trim();
         assert!(guard.starts_with("guard(") || guard.starts_with("guard_void("), "{name}: {guard}");

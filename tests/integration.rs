@@ -3,6 +3,7 @@
 mod accel; // both back ends agree
 mod architecture; // module order, citations, file sizes
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
+mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
 mod compare; // image metrics
