@@ -1,7 +1,7 @@
 //! Makes the raw bindings to the foreign libraries that the enabled features name.
 //!
 //! Embree: the headers of `EMBREE_DIR` if set, else the system's `embree4/rtcore.h`, else `embree3/rtcore.h`; emits
-//! `cfg(embree4)` for the former. OpenEXR: the system's C core (`openexr.h`).
+//! `cfg(embree4)` for the former. With the feature `private-embree` nothing is linked: the library is loaded at run time, from `LUMICACHE_EMBREE_FOUND` first. OpenEXR: the system's C core (`openexr.h`).
 
 fn main() {
     println!("cargo:rustc-check-cfg=cfg(embree4)");
@@ -30,6 +30,22 @@ mod foreign {
         std::process::exit(1)
     }
 
+    /// The functions that `ffi::embree` calls.
+    #[cfg(feature = "embree")]
+    const FUNCTIONS: &str = "rtc(New|Release)(Device|Scene|Geometry)|rtc(GetDevice|SetDevice|SetScene|SetGeometry|SetNewGeometry).*\
+        |rtcCommit(Scene|Geometry)|rtcAttachGeometryByID|rtc(Intersect|Occluded)(1|8|16)";
+
+    /// The library that belongs to the headers: in `EMBREE_DIR`, else where systems keep libraries.
+    #[cfg(feature = "embree")]
+    fn installed(dir: Option<&Path>, is_4: bool) -> PathBuf {
+        let name = if is_4 { "libembree4.so.4" } else { "libembree3.so.3" };
+        let machine = env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default();
+        let system = [format!("/usr/lib/{machine}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into(), "/usr/local/lib".into()];
+        let folders = dir.map_or_else(|| system.map(PathBuf::from).to_vec(), |d| vec![d.join("lib"), d.join("lib64")]);
+        let found = folders.into_iter().map(|f| f.join(name)).find(|p| p.exists());
+        found.unwrap_or_else(|| fail(&format!("{name}, which belongs to Embree's headers, was not found")))
+    }
+
     #[cfg(feature = "embree")]
     pub fn embree() {
         println!("cargo:rerun-if-env-changed=EMBREE_DIR");
@@ -45,16 +61,25 @@ mod foreign {
         if is_4 {
             println!("cargo:rustc-cfg=embree4");
         }
-        if let Some(dir) = &dir {
-            println!("cargo:rustc-link-search=native={}", dir.join("lib").display());
+        let private = env::var_os("CARGO_FEATURE_PRIVATE_EMBREE").is_some();
+        if private {
+            println!("cargo:rustc-env=LUMICACHE_EMBREE_FOUND={}", installed(dir.as_deref(), is_4).display());
+        } else {
+            if let Some(dir) = &dir {
+                println!("cargo:rustc-link-search=native={}", dir.join("lib").display());
+            }
+            println!("cargo:rustc-link-lib=dylib={}", if is_4 { "embree4" } else { "embree3" });
         }
-        println!("cargo:rustc-link-lib=dylib={}", if is_4 { "embree4" } else { "embree3" });
         println!("cargo:rerun-if-changed=ffi/embree/wrapper.h");
-        bindgen::Builder::default()
+        let mut builder = bindgen::Builder::default();
+        if private {
+            builder = builder.dynamic_library_name("Embree").dynamic_link_require_all(true);
+        }
+        builder
             .header("ffi/embree/wrapper.h")
             .clang_arg(format!("-I{}", include.display()))
             .clang_arg(format!("-DLUMI_EMBREE4={}", i32::from(is_4)))
-            .allowlist_function("rtc.*")
+            .allowlist_function(FUNCTIONS)
             .allowlist_type("RTC.*")
             .allowlist_var("RTC.*")
             .prepend_enum_name(false)

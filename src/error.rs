@@ -51,6 +51,25 @@ pub enum Error {
         /// The operating system's reason.
         source: std::io::Error,
     },
+    /// A cache file is damaged, or no cache file at all.
+    #[error("{}: {what}", file.display())]
+    Corrupt {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// A cache file is sound, but its records were made for another scene or under other settings.
+    #[error("{}: {what}", file.display())]
+    Stale {
+        /// The file.
+        file: PathBuf,
+        /// What differs, and the way around it.
+        what: String,
+    },
+    /// A host's callback failed, or answered what cannot be.
+    #[error("{0}")]
+    Host(String),
     /// The caller asked to stop.
     #[error("cancelled")]
     Cancelled,

@@ -34,3 +34,5 @@ pub mod import;
 pub mod render;
 pub mod compare;
 pub mod bench;
+#[allow(unsafe_code, reason = "the boundary to C")]
+pub mod capi;

@@ -4,6 +4,7 @@ mod accel; // both back ends agree
 mod adaptive; // adaptive caching
 mod architecture; // module order, citations, file sizes
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
+mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
 mod compare; // image metrics
@@ -14,9 +15,10 @@ mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
 mod gltf_maker; // small glTF files made on the spot
 mod gradients; // the published gradients compared in the Cornell box
+mod header; // the C header and the guard
+mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
 mod ies; // measured luminaires
 mod imagefile; // images in and out
-mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
 mod images; // whole pictures against references
 mod layers; // both integrators fill the layers alike
 mod leaks; // thin walls

@@ -14,6 +14,7 @@ use crate::geometry::SurfacePoint;
 use crate::math::{Color, luminance};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// What decides how visible the indirect light is at a shading point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -120,10 +121,10 @@ impl Cache {
         let Some(filled) = self.levels.get_mut(usize::from(level)).and_then(Option::take) else {
             return Err(Error::InvalidArgument(format!("level {level} cannot be refined before it is filled")));
         };
-        let mut convergence = Convergence::new(self, probe, level, points, appearance, seed, filled.records);
+        let mut convergence = Convergence::new(self, probe, level, points, appearance, seed, filled.records().to_vec());
         convergence.run(progress)?;
         let Filling { records, stats, .. } = convergence.filling;
-        self.levels[usize::from(level)] = Some(self.finish(level, records));
+        self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
         Ok(stats)
     }
 }

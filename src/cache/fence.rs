@@ -9,7 +9,7 @@ use crate::math::{Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_4, TAU};
 
 /// Most fences of one record.
-pub const MOST: usize = 4;
+const MOST: usize = 4;
 /// A point may lie this share of the record's radius behind a fence: the plane of a curved or a slightly rough surface.
 const SLACK: f32 = 1e-3;
 
@@ -21,6 +21,9 @@ pub struct Fences {
 }
 
 impl Fences {
+    /// Most fences of one record.
+    pub const MOST: usize = MOST;
+
     /// The fences of the gather `samples` at `position`, whose record reaches as far as `radius`.
     pub fn new(samples: &HemisphereSamples, position: Vec3, radius: f32) -> Self {
         let b = samples.bundle();
@@ -47,6 +50,13 @@ impl Fences {
             }
         }
         fences
+    }
+
+    /// Fences at these planes; `None` if they are too many.
+    pub(super) fn from_planes(planes: &[Vec4]) -> Option<Self> {
+        let mut fences = Self { count: planes.len() as u8, ..Self::default() };
+        fences.planes.get_mut(..planes.len())?.copy_from_slice(planes);
+        Some(fences)
     }
 
     /// The planes.

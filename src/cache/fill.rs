@@ -1,5 +1,6 @@
 //! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
 
+use super::record::clamp_to_neighbours;
 use super::{Cache, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::{HemisphereSamples, RadianceProbe};
@@ -8,6 +9,7 @@ use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
 use crate::sampling::hash;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The shading points of one level, in the order in which they are to be visited.
 pub struct LevelPoints {
@@ -15,6 +17,15 @@ pub struct LevelPoints {
     pub points: Vec<SurfacePoint>,
     /// Points per round: a number, or 0 for rounds that start small and grow fourfold.
     pub round: usize,
+}
+
+impl LevelPoints {
+    /// `points` in an order that scatters them, whatever theirs was; it depends on their number and `seed` alone.
+    pub fn scattered(points: Vec<SurfacePoint>, seed: u64) -> Self {
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        order.sort_by_cached_key(|i| (hash(&[seed, 1, u64::from(*i)]), *i));
+        Self { points: order.into_iter().map(|i| points[i as usize]).collect(), round: 0 }
+    }
 }
 
 /// What the filling of one level did.
@@ -87,12 +98,13 @@ pub(super) struct Filling<'a> {
 }
 
 impl Cache {
-    /// Makes records until every point of `points` on `level` is covered. Deeper levels must be filled already, if the gathers are to use them.
+    /// Makes records until every point of `points` on `level` is covered, beside those that the level has already. Deeper levels must be filled already, if the
+    /// gathers are to use them.
     ///
     /// The same arguments give the same records on any number of threads.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays empty then.
+    /// [`Error::Cancelled`]; the level stays as it was then.
     pub fn fill(
         &mut self,
         probe: &dyn RadianceProbe,
@@ -101,7 +113,23 @@ impl Cache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let mut filling = Filling::new(self, probe, level, seed);
+        let before = self.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
+        let (filled, stats) = self.filled(probe, level, points, seed, before, progress)?;
+        self.levels[usize::from(level)] = Some(Arc::new(filled));
+        Ok(stats)
+    }
+
+    /// What [`Cache::fill`] would make of `level` if `before` were its records; the cache does not change.
+    pub(super) fn filled(
+        &self,
+        probe: &dyn RadianceProbe,
+        level: u8,
+        points: &LevelPoints,
+        seed: u64,
+        before: Vec<Record>,
+        progress: &Progress,
+    ) -> Result<(Level, FillStats)> {
+        let mut filling = Filling::new(self, probe, level, seed, before);
         let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
         while begin < points.points.len() {
             let end = points.points.len().min(begin + round);
@@ -123,8 +151,7 @@ impl Cache {
             }
         }
         let Filling { records, stats, .. } = filling;
-        self.levels[usize::from(level)] = Some(self.finish(level, records));
-        Ok(stats)
+        Ok((self.finish(level, records), stats))
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
@@ -143,8 +170,9 @@ impl Cache {
 }
 
 impl<'a> Filling<'a> {
-    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64) -> Self {
+    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
         let reach = Reach::new(&cache.scheme, level, cache.scene_size, 1.0);
+        let envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
         Self {
             cache,
             probe,
@@ -152,11 +180,11 @@ impl<'a> Filling<'a> {
             seed: hash(&[seed, u64::from(level)]),
             reach,
             shading_reach: cache.shading_reach(level),
-            records: Vec::new(),
-            index: cache.index(&[], reach),
-            indexed: 0,
+            index: cache.index(&records, reach),
+            indexed: records.len(),
+            records,
             fresh: cache.index(&[], reach),
-            envelope: Envelope::build(std::iter::empty()),
+            envelope,
             nearest: None,
             stats: FillStats::default(),
         }
@@ -164,7 +192,7 @@ impl<'a> Filling<'a> {
 
     /// Goes on with a level of `records` whose allowed errors will differ.
     pub fn resume(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
-        let mut filling = Self { records, ..Self::new(cache, probe, level, seed) };
+        let mut filling = Self::new(cache, probe, level, seed, records);
         filling.survey(true);
         filling
     }
@@ -261,12 +289,7 @@ impl<'a> Filling<'a> {
         }
         self.survey(self.nearest.is_some());
         if self.cache.scheme.neighbour_clamp {
-            let envelope = &self.envelope;
-            self.records.par_iter_mut().enumerate().for_each(|(id, r)| {
-                // The lowest value of another record: a record's own length does not bound its other axes.
-                let [first, second] = envelope.lowest_two(r.position);
-                r.clamp(if first.id == id as u32 { second.value } else { first.value });
-            });
+            clamp_to_neighbours(&mut self.records, &self.envelope);
         }
     }
 

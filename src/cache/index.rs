@@ -81,6 +81,8 @@ pub struct Answer {
     pub allowed: f32,
     /// Number of records that took part.
     pub records: u32,
+    /// Sum of their weights, by which answers of several indexes are averaged.
+    pub weight: f32,
 }
 
 impl Index {
@@ -252,7 +254,7 @@ impl Index {
             records += 1;
         });
         let allowed = self.reach.allowed_error() * shares / weights;
-        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, allowed, records })
+        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, allowed, records, weight: weights })
     }
 
     /// Bytes that the index occupies.

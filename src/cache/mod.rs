@@ -5,23 +5,30 @@
 //! to the first, so a gather reads only finished caches. A scheme may then have the first level [refined](Cache::converge): records that disagree where they
 //! overlap are allowed less error, and more records are made between them.
 
+mod columns;
 mod converge;
 mod envelope;
 mod fence;
+mod file;
 mod fill;
 mod footprint;
 mod index;
+mod live;
 mod locate;
 mod metric;
+mod published;
 mod record;
 mod scheme;
+mod sync;
 
 pub use converge::Appearance;
 pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
+pub use file::{CacheFile, Origin};
 pub use fill::{FillStats, LevelPoints};
 pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
+pub use live::{Live, Snapshot};
 pub use record::{Curve, Reach, Record};
 pub use scheme::{
     ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Refinement, Scheme, Strata, Weight,
@@ -30,6 +37,7 @@ pub use scheme::{
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
+use std::sync::Arc;
 
 /// The records of one level and their index.
 pub struct Level {
@@ -54,14 +62,15 @@ impl Level {
     }
 }
 
-/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k bounces behind that.
+/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k bounces behind that. Copies share their levels.
+#[derive(Clone)]
 pub struct Cache {
     scheme: Scheme,
     scene_size: f32,
     /// Light paths have no bound on their length, so that every level holds the same quantity and any may stand in for another.
     unlimited: bool,
     /// `None` until the level is filled.
-    levels: Vec<Option<Level>>,
+    levels: Vec<Option<Arc<Level>>>,
 }
 
 impl Cache {
@@ -95,7 +104,34 @@ impl Cache {
 
     /// A level, if it exists and is filled.
     pub fn level(&self, level: u8) -> Option<&Level> {
-        self.levels.get(usize::from(level))?.as_ref()
+        self.levels.get(usize::from(level))?.as_deref()
+    }
+
+    /// True if light paths have no bound on their length.
+    pub fn is_unlimited(&self) -> bool {
+        self.unlimited
+    }
+
+    /// Number of records on all levels.
+    pub fn record_count(&self) -> usize {
+        self.levels.iter().flatten().map(|l| l.records.len()).sum()
+    }
+
+    /// Puts `records` in the place of those of `level`. Their lengths are clamped anew to those of their neighbours, if the scheme asks for it.
+    ///
+    /// # Panics
+    /// When the cache has no such level.
+    pub fn replace(&mut self, level: u8, records: Vec<Record>) {
+        self.levels[usize::from(level)] = Some(Arc::new(self.level_of(level, records)));
+    }
+
+    /// `records` as a level: clamped to their neighbours and indexed.
+    fn level_of(&self, level: u8, mut records: Vec<Record>) -> Level {
+        if self.scheme.neighbour_clamp {
+            let envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
+            record::clamp_to_neighbours(&mut records, &envelope);
+        }
+        self.finish(level, records)
     }
 
     /// Irradiance of indirect light at a point of `level` from the records with ids below `limit`.

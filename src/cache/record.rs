@@ -1,5 +1,6 @@
 //! One cache record, how it is made from a gather, and how far it reaches.
 
+use super::envelope::Envelope;
 use super::fence::Fences;
 use super::footprint::Footprint;
 use super::metric;
@@ -7,6 +8,7 @@ use super::scheme::{Extrapolation, Kernel, Scheme};
 use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Mat3, Vec2, Vec3, luminance};
+use rayon::prelude::*;
 
 /// sqrt(1 - cos 10°): the normal deviation at which a record of [Tabellion04] ends.
 const TABELLION_NORMAL: f32 = 0.123_257;
@@ -144,6 +146,15 @@ impl Record {
         let turned = self.rotation * self.normal.cross(at.frame.n);
         (self.irradiance + turned + slope * (self.translation * (at.position - self.position))).max(Color::ZERO)
     }
+}
+
+/// Bounds the lengths of all records by those of the others, `envelope` being made of all of them.
+pub(super) fn clamp_to_neighbours(records: &mut [Record], envelope: &Envelope) {
+    records.par_iter_mut().enumerate().for_each(|(id, r)| {
+        // The lowest value of another record: a record's own length does not bound its other axes.
+        let [first, second] = envelope.lowest_two(r.position);
+        r.clamp(if first.id == id as u32 { second.value } else { first.value });
+    });
 }
 
 /// How far records reach on one level: the numbers of a [`Scheme`] worked out once.

@@ -29,6 +29,11 @@ pub enum Command {
         /// The scene, .gltf or .glb.
         scene: PathBuf,
     },
+    /// Look into cache files, and join them.
+    Cache {
+        #[command(subcommand)]
+        what: CacheCommand,
+    },
     /// Measure speed.
     Bench {
         #[command(subcommand)]
@@ -41,6 +46,51 @@ pub enum Command {
     },
     /// Print the manual page (roff).
     Man,
+}
+
+#[derive(Subcommand)]
+pub enum CacheCommand {
+    /// Say what a cache file was made for and what it holds.
+    Info {
+        /// The file.
+        file: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Join cache files of one scene and one scheme.
+    Merge(CacheMerge),
+    /// Print the records of a cache file.
+    Dump {
+        /// The file.
+        file: PathBuf,
+        /// How to print them.
+        #[arg(long, value_enum, default_value = "csv")]
+        format: DumpFormat,
+    },
+}
+
+#[derive(Args)]
+pub struct CacheMerge {
+    /// The files, one or more; of records at the same place the first is kept.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// The file to write; may be one of those that are joined.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Join records of different scenes and settings too; those of the first file are written down.
+    #[arg(long)]
+    pub reuse: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum DumpFormat {
+    /// A line of comma-separated values for each record.
+    Csv,
+    /// A JSON array of records.
+    Json,
+    /// Points with normals and colours, for a viewer of point clouds (ASCII PLY).
+    Ply,
 }
 
 #[derive(Subcommand)]
@@ -164,6 +214,15 @@ pub struct Render {
     /// Give rough surfaces back the light that scatters between their microfacets, which glTF's model loses.
     #[arg(long)]
     pub multiple_scattering: bool,
+    /// Begin with the records of a cache file; may be repeated.
+    #[arg(long, value_name = "F")]
+    pub cache_load: Vec<PathBuf>,
+    /// Take cache files that were made for another scene or under other settings.
+    #[arg(long, requires = "cache_load")]
+    pub cache_reuse: bool,
+    /// Write all records to a cache file when the picture is done.
+    #[arg(long, value_name = "F")]
+    pub cache_save: Option<PathBuf>,
     /// Fill the cache and stop.
     #[arg(long)]
     pub prepass_only: bool,

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod args;
+mod cache;
 mod render;
 mod show;
 mod terminal;
@@ -37,6 +38,7 @@ fn run(command: Command) -> Result<Outcome> {
         Command::Presets { json } => show::presets(json)?,
         Command::Compare(arguments) => show::compare(&arguments)?,
         Command::Info { scene } => show::info(&scene)?,
+        Command::Cache { what } => cache::run(&what)?,
         Command::Bench { what: Bench::Accel(arguments) } => show::bench_accel(&arguments)?,
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -4,7 +4,7 @@ use super::Outcome;
 use super::args::{IntegratorName, LightUnitsName, Render};
 use super::terminal::{Bar, cancel_on_interrupt};
 use lumicache::accel::Backend;
-use lumicache::cache::{Preset, Scheme};
+use lumicache::cache::{Cache, CacheFile, Origin, Preset, Scheme};
 use lumicache::camera::Camera;
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;
@@ -34,8 +34,15 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     let sky = sky.map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale)).transpose()?;
     let backend: Backend = arguments.backend.parse()?;
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-    let outputs = [Some(&output), arguments.preview.as_ref(), arguments.stats.as_ref()];
+    let outputs = [Some(&output), arguments.preview.as_ref(), arguments.stats.as_ref(), arguments.cache_save.as_ref()];
     outputs.into_iter().flatten().try_for_each(|path| fsutil::check_writable(path))?;
+    if matches!(arguments.integrator, IntegratorName::Path)
+        && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
+    {
+        return Err(Error::InvalidArgument(
+            "--cache-load and --cache-save need --integrator cache: a path tracer has no records".into(),
+        ));
+    }
     let pool = threads(arguments.threads)?;
 
     let progress = Arc::new(Progress::default());
@@ -85,7 +92,7 @@ fn job(
     for material in &mut data.materials {
         material.multiple_scattering = arguments.multiple_scattering;
     }
-    let scene_hash = data.hash();
+    let (scene_hash, hashes) = (data.hash(), data.hashes());
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
     let (scene, mut warnings) = Scene::new(data, backend)?;
@@ -100,7 +107,9 @@ fn job(
         None => None,
     };
     let mut lost = None;
-    let frame = render::frame(&scene, &settings, progress, clock, &mut |[x0, y0, x1, y1], film| {
+    let origin = Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size());
+    let before = loaded(arguments, &settings.scheme, &origin)?;
+    let frame = render::frame_with(&scene, &settings, before, progress, clock, &mut |[x0, y0, x1, y1], film| {
         if let Some(display) = &mut display {
             let data: Vec<f32> = film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
             let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
@@ -123,12 +132,25 @@ fn job(
             render::write_preview(preview, &frame, &settings, arguments.exposure, arguments.show_records)?;
         }
     }
+    if let (Some(path), Some(cache), false) = (&arguments.cache_save, &frame.cache, frame.cancelled) {
+        CacheFile::new(cache, origin).write(path)?;
+    }
     clock.stop();
     if let Some(path) = &arguments.stats {
         let stats = render::stats(&scene, &settings, &frame, clock, rayon::current_num_threads());
         fsutil::write_atomically(path, format!("{stats:#}\n").as_bytes())?;
     }
     Ok((frame.cancelled, warnings))
+}
+
+/// The cache of the files that the user wants to begin with, if any.
+fn loaded(arguments: &Render, scheme: &Scheme, origin: &Origin) -> Result<Option<Cache>> {
+    let Some((first, others)) = arguments.cache_load.split_first() else { return Ok(None) };
+    let mut all = CacheFile::read(first)?;
+    for path in others {
+        all.merge(CacheFile::read(path)?, arguments.cache_reuse, path)?;
+    }
+    all.into_cache(scheme.clone(), origin, arguments.cache_reuse, first).map(Some)
 }
 
 pub fn import_options(arguments: &Render) -> ImportOptions {

@@ -21,7 +21,7 @@ pub fn print(text: &[u8]) -> Result<()> {
     }
 }
 
-fn print_line(text: &str) -> Result<()> {
+pub fn print_line(text: &str) -> Result<()> {
     print(format!("{text}\n").as_bytes())
 }
 

@@ -50,6 +50,21 @@ pub type Watcher<'a> = dyn FnMut([u32; 4], &Film) + Send + 'a;
 /// # Errors
 /// [`Error::InvalidArgument`] for an empty or outlying window.
 pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mut Clock, watcher: &mut Watcher) -> Result<Frame> {
+    frame_with(scene, settings, None, progress, clock, watcher)
+}
+
+/// [`frame`] with the records of a cache that was made before under the same scheme; the fill adds what the camera needs beside them.
+///
+/// # Errors
+/// Those of [`frame`].
+pub fn frame_with(
+    scene: &Scene,
+    settings: &Settings,
+    before: Option<Cache>,
+    progress: &Progress,
+    clock: &mut Clock,
+    watcher: &mut Watcher,
+) -> Result<Frame> {
     check(settings)?;
     let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
     let mut frame = Frame {
@@ -63,7 +78,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     let mut limits = None;
     if settings.integrator == IntegratorKind::Cache {
         clock.start(Phase::Fill);
-        let mut cache = Cache::new(settings.scheme.clone(), settings.max_bounces, scene.size());
+        let mut cache = before.unwrap_or_else(|| Cache::new(settings.scheme.clone(), settings.max_bounces, scene.size()));
         match fill(tracer, settings, &mut cache, &mut frame, progress) {
             Ok(births) => limits = (settings.scheme.passes == 1).then_some(births),
             Err(Error::Cancelled) => frame.cancelled = true,

@@ -12,7 +12,7 @@ mod settings;
 mod stats;
 
 pub use clock::{Clock, peak_memory_bytes};
-pub use frame::{Frame, Watcher, frame};
+pub use frame::{Frame, Watcher, frame, frame_with};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;
 pub use settings::{IntegratorKind, Settings};

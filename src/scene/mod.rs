@@ -9,6 +9,7 @@ use crate::geometry::Geometry;
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::Material;
 use crate::texture::{Texture, TexturePixels};
+use std::collections::BTreeMap;
 
 /// A scene as plain data: what an importer or a host fills in, and [`Scene`] is built from.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +34,21 @@ impl SceneData {
     /// A hash of everything that changes the light in the scene, hexadecimal: geometry, materials, textures and lights, not the cameras.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
+        self.hashes().values().for_each(|h| {
+            hasher.update(h.as_bytes());
+        });
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// What [`SceneData::hash`] is made of, so that a difference can be named: the hashes of `geometry`, of `materials` with their textures, and of `lights`, those
+    /// of emissive materials left out.
+    pub fn hashes(&self) -> BTreeMap<String, String> {
+        let parts = [("geometry", self.hash_geometry()), ("lights", self.hash_lights()), ("materials", self.hash_materials())];
+        parts.into_iter().map(|(name, h)| (name.to_owned(), h.finalize().to_hex().to_string())).collect()
+    }
+
+    fn hash_geometry(&self) -> blake3::Hasher {
+        let mut hasher = blake3::Hasher::new();
         for mesh in &self.geometry.meshes {
             hasher.update(bytemuck::cast_slice(&mesh.positions));
             hasher.update(bytemuck::cast_slice(&mesh.indices));
@@ -43,6 +59,12 @@ impl SceneData {
             hasher.update(bytemuck::cast_slice(mesh.colors.as_deref().unwrap_or_default()));
             hasher.update(&mesh.material.to_le_bytes());
         }
+        hasher.update(format!("{:?}", self.geometry.instances).as_bytes());
+        hasher
+    }
+
+    fn hash_materials(&self) -> blake3::Hasher {
+        let mut hasher = blake3::Hasher::new();
         for texture in &self.textures {
             match &texture.image.pixels {
                 TexturePixels::Rgba8(pixels) => hasher.update(pixels.as_flattened()),
@@ -50,12 +72,17 @@ impl SceneData {
             };
             hasher.update(format!("{:?}{:?}{}", texture.wrap_s, texture.wrap_t, texture.nearest).as_bytes());
         }
+        hasher.update(format!("{:?}", self.materials).as_bytes());
+        hasher
+    }
+
+    fn hash_lights(&self) -> blake3::Hasher {
+        let mut hasher = blake3::Hasher::new();
         if let Some(map) = &self.environment {
             hasher.update(bytemuck::cast_slice(&map.pixels));
             hasher.update(format!("{} {} {} {:?}", map.width, map.height, map.scale, map.from_world).as_bytes());
         }
-        let rest = format!("{:?}{:?}{:?}", self.geometry.instances, self.materials, self.punctual);
-        hasher.update(rest.as_bytes());
-        hasher.finalize().to_hex().to_string()
+        hasher.update(format!("{:?}", self.punctual).as_bytes());
+        hasher
     }
 }

@@ -1,4 +1,5 @@
-//! Embree 3 or 4: devices and scenes here, rays in `trace`. Every call of an `rtc*` function is in this module.
+//! Embree 3 or 4: devices and scenes here, rays in `trace`. Every call of an `rtc*` function is in this module, by the macro `rtc!`: the library is linked, or with the
+//! feature `private-embree` loaded by `library`.
 //!
 //! The two major versions differ, for us, in how options reach the ray functions, which `trace` hides, and in the size of the hit structures,
 //! which bindgen reads from the header that the build found.
@@ -8,6 +9,19 @@ use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// `rtc!(rtcFunction; arguments)` calls a function of Embree.
+macro_rules! rtc {
+    ($function:ident; $($argument:expr),* $(,)?) => {{
+        #[cfg(not(feature = "private-embree"))]
+        let result = raw::$function($($argument),*);
+        #[cfg(feature = "private-embree")]
+        let result = $crate::ffi::embree::library::loaded().$function($($argument),*);
+        result
+    }};
+}
+
+#[cfg(feature = "private-embree")]
+pub(in crate::ffi) mod library;
 mod trace;
 
 #[allow(
@@ -16,6 +30,7 @@ mod trace;
     non_upper_case_globals,
     missing_docs,
     dead_code,
+    unsafe_op_in_unsafe_fn,
     clippy::all,
     reason = "written by bindgen in Embree's own names"
 )]
@@ -105,11 +120,13 @@ impl Device {
     /// `Error::Device` if the CPU lacks what Embree needs, or the library is of another version than the headers.
     pub fn new(options: &str) -> Result<Arc<Self>> {
         let options = CString::new(options).map_err(|_| Error::InvalidArgument("Embree options contain NUL".into()))?;
+        #[cfg(feature = "private-embree")]
+        library::load()?;
         // SAFETY: the string ends in NUL and lives during the call.
-        let handle = unsafe { raw::rtcNewDevice(options.as_ptr()) };
+        let handle = unsafe { rtc!(rtcNewDevice; options.as_ptr()) };
         if handle.is_null() {
             // SAFETY: a null device is Embree's way to ask why the last rtcNewDevice of this thread failed.
-            let code = unsafe { raw::rtcGetDeviceError(std::ptr::null_mut()) };
+            let code = unsafe { rtc!(rtcGetDeviceError; std::ptr::null_mut()) };
             return Err(Error::Device(format!("Embree cannot start: {}; choose the backend \"bvh\"", describe(code))));
         }
         let device = Self { handle, report: Box::default() };
@@ -117,15 +134,15 @@ impl Device {
         let report = (&raw const *device.report).cast_mut().cast();
         // SAFETY: the handle is valid; `report` points to a box that `device` owns and frees after the device is released.
         unsafe {
-            raw::rtcSetDeviceErrorFunction(handle, Some(on_error), report);
-            raw::rtcSetDeviceMemoryMonitorFunction(handle, Some(on_memory), report);
+            rtc!(rtcSetDeviceErrorFunction; handle, Some(on_error), report);
+            rtc!(rtcSetDeviceMemoryMonitorFunction; handle, Some(on_memory), report);
         }
         Ok(Arc::new(device))
     }
 
     fn property(&self, property: raw::RTCDeviceProperty) -> u32 {
         // SAFETY: the handle is valid while self lives.
-        let value = unsafe { raw::rtcGetDeviceProperty(self.handle, property) };
+        let value = unsafe { rtc!(rtcGetDeviceProperty; self.handle, property) };
         u32::try_from(value).unwrap_or(0)
     }
 
@@ -152,7 +169,7 @@ impl Device {
     /// The first error since the last call, if there was one, as `Error::Device` that begins with `what`.
     fn check(&self, what: &str) -> Result<()> {
         // SAFETY: the handle is valid while self lives. The call clears the thread's error code.
-        let code = unsafe { raw::rtcGetDeviceError(self.handle) };
+        let code = unsafe { rtc!(rtcGetDeviceError; self.handle) };
         let reported = self.report.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
         match reported.or((code != raw::RTC_ERROR_NONE).then(|| (code, String::new()))) {
             None => Ok(()),
@@ -165,7 +182,7 @@ impl Device {
 impl Drop for Device {
     fn drop(&mut self) {
         // SAFETY: the handle is valid and this is its only release; every scene holds an Arc of the device, so none is left.
-        unsafe { raw::rtcReleaseDevice(self.handle) };
+        unsafe { rtc!(rtcReleaseDevice; self.handle) };
     }
 }
 
@@ -190,7 +207,7 @@ unsafe impl Sync for Scene {}
 impl Drop for Scene {
     fn drop(&mut self) {
         // SAFETY: the handle is valid and this is its only release; the device lives until the fields are dropped, after this.
-        unsafe { raw::rtcReleaseScene(self.handle) };
+        unsafe { rtc!(rtcReleaseScene; self.handle) };
     }
 }
 
@@ -207,7 +224,7 @@ struct GeometryHandle(raw::RTCGeometry);
 impl Drop for GeometryHandle {
     fn drop(&mut self) {
         // SAFETY: the handle is valid and this releases the reference that rtcNewGeometry gave.
-        unsafe { raw::rtcReleaseGeometry(self.0) };
+        unsafe { rtc!(rtcReleaseGeometry; self.0) };
     }
 }
 
@@ -218,15 +235,15 @@ impl SceneBuilder {
     /// `Error::Device`, when memory runs out.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         // SAFETY: the device is valid.
-        let handle = unsafe { raw::rtcNewScene(device.handle) };
+        let handle = unsafe { rtc!(rtcNewScene; device.handle) };
         if handle.is_null() {
             device.check("making a scene")?;
             return Err(Error::Device("Embree made no scene".into()));
         }
         // SAFETY: the scene is valid and not yet committed.
         unsafe {
-            raw::rtcSetSceneFlags(handle, raw::RTC_SCENE_FLAG_ROBUST);
-            raw::rtcSetSceneBuildQuality(handle, raw::RTC_BUILD_QUALITY_MEDIUM);
+            rtc!(rtcSetSceneFlags; handle, raw::RTC_SCENE_FLAG_ROBUST);
+            rtc!(rtcSetSceneBuildQuality; handle, raw::RTC_BUILD_QUALITY_MEDIUM);
         }
         let width = if device.property(raw::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) == 1 { 16 } else { 8 };
         Ok(Self(Scene { handle, width, instanced: Vec::new(), device: device.clone() }))
@@ -234,7 +251,7 @@ impl SceneBuilder {
 
     fn new_geometry(&self, kind: raw::RTCGeometryType) -> Result<GeometryHandle> {
         // SAFETY: the device is valid.
-        let handle = unsafe { raw::rtcNewGeometry(self.0.device.handle, kind) };
+        let handle = unsafe { rtc!(rtcNewGeometry; self.0.device.handle, kind) };
         if handle.is_null() {
             self.0.device.check("making a geometry")?;
             return Err(Error::Device("Embree made no geometry".into()));
@@ -246,8 +263,8 @@ impl SceneBuilder {
     fn attach(&self, geometry: &GeometryHandle, id: u32) -> Result<()> {
         // SAFETY: both handles are valid; the scene takes a reference of its own to the geometry.
         unsafe {
-            raw::rtcCommitGeometry(geometry.0);
-            raw::rtcAttachGeometryByID(self.0.handle, geometry.0, id);
+            rtc!(rtcCommitGeometry; geometry.0);
+            rtc!(rtcAttachGeometryByID; self.0.handle, geometry.0, id);
         }
         self.0.device.check("adding a geometry")
     }
@@ -262,7 +279,7 @@ impl SceneBuilder {
     ) -> Result<()> {
         let count = items.len();
         // SAFETY: the geometry is valid; Embree allocates `count` items of T's size, padded as it needs.
-        let buffer = unsafe { raw::rtcSetNewGeometryBuffer(geometry.0, kind, 0, format, size_of::<T>(), count) }.cast::<T>();
+        let buffer = unsafe { rtc!(rtcSetNewGeometryBuffer; geometry.0, kind, 0, format, size_of::<T>(), count) }.cast::<T>();
         self.0.device.check("allocating a buffer")?;
         if buffer.is_null() {
             return Err(Error::Device("Embree gave no buffer".into()));
@@ -305,8 +322,8 @@ impl SceneBuilder {
         // SAFETY: geometry and scene are valid, the matrix has the 12 floats that the format promises and is copied; the instanced scene is kept alive
         // by `instanced`.
         unsafe {
-            raw::rtcSetGeometryInstancedScene(geometry.0, scene.handle);
-            raw::rtcSetGeometryTransform(geometry.0, 0, raw::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, to_world.as_ptr().cast());
+            rtc!(rtcSetGeometryInstancedScene; geometry.0, scene.handle);
+            rtc!(rtcSetGeometryTransform; geometry.0, 0, raw::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, to_world.as_ptr().cast());
         }
         self.0.instanced.push(scene.clone());
         self.attach(&geometry, id)
@@ -318,7 +335,7 @@ impl SceneBuilder {
     /// `Error::Device` when memory runs out.
     pub fn commit(self) -> Result<Scene> {
         // SAFETY: the scene is valid and only this thread has it.
-        unsafe { raw::rtcCommitScene(self.0.handle) };
+        unsafe { rtc!(rtcCommitScene; self.0.handle) };
         self.0.device.check("building the hierarchy")?;
         Ok(self.0)
     }

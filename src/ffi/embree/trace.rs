@@ -56,9 +56,9 @@ mod options {
 macro_rules! call {
     ($function:ident($($before:expr),*; $ray:expr; $options:expr)) => {{
         #[cfg(not(embree4))]
-        raw::$function($($before),*, $options, $ray);
+        rtc!($function; $($before),*, $options, $ray);
         #[cfg(embree4)]
-        raw::$function($($before),*, $ray, $options);
+        rtc!($function; $($before),*, $ray, $options);
     }};
 }
 

@@ -1,0 +1,163 @@
+//! The fields of a record as columns of bytes: the one place where records become bytes and come back.
+
+use super::{Curve, Fences, Footprint, Record, SECTORS};
+use crate::gather::Hessian;
+use crate::math::{Mat3, Vec3, Vec4};
+
+/// A value of fixed size in a file, little-endian.
+trait Column: Sized {
+    /// Bytes of one value.
+    const BYTES: usize;
+    fn put(&self, out: &mut Vec<u8>);
+    /// `None` for what no sound record holds.
+    fn get(bytes: &[u8]) -> Option<Self>;
+}
+
+/// Lengths and errors: not negative, may be infinite.
+impl Column for f32 {
+    const BYTES: usize = 4;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        out.extend(self.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        number(bytes).filter(|x| *x >= 0.0)
+    }
+}
+
+fn number(bytes: &[u8]) -> Option<f32> {
+    Some(f32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+/// `N` finite numbers.
+fn finite<const N: usize>(bytes: &[u8]) -> Option<[f32; N]> {
+    let mut out = [0.0; N];
+    for (x, bytes) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+        *x = number(bytes).filter(|x| x.is_finite())?;
+    }
+    Some(out)
+}
+
+impl Column for Vec3 {
+    const BYTES: usize = 12;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.to_array().iter().for_each(|x| out.extend(x.to_le_bytes()));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        finite(bytes).map(Self::from_array)
+    }
+}
+
+impl Column for Mat3 {
+    const BYTES: usize = 36;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.to_cols_array().iter().for_each(|x| out.extend(x.to_le_bytes()));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        finite(bytes).map(|a| Self::from_cols_array(&a))
+    }
+}
+
+/// The number of planes, then room for the most there can be.
+impl Column for Fences {
+    const BYTES: usize = 4 + 16 * Self::MOST;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        out.extend((self.planes().len() as u32).to_le_bytes());
+        self.planes().iter().flat_map(Vec4::to_array).for_each(|x| out.extend(x.to_le_bytes()));
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (count, planes) = bytes.split_at_checked(4)?;
+        let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
+        let planes: Option<Vec<Vec4>> = planes.chunks_exact(16).take(count).map(|p| finite(p).map(Vec4::from_array)).collect();
+        planes.filter(|p| p.len() == count).and_then(|p| Self::from_planes(&p))
+    }
+}
+
+/// The number of radii, the axis, then room for the most radii there can be.
+impl Column for Footprint {
+    const BYTES: usize = 4 + 12 + 4 * SECTORS;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        out.extend((self.radii().len() as u32).to_le_bytes());
+        match self {
+            Self::Disc { .. } => Vec3::ZERO,
+            Self::Ellipse { axis, .. } | Self::Sectors { axis, .. } => *axis,
+        }
+        .put(out);
+        self.radii().iter().for_each(|r| r.put(out));
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (count, bytes) = bytes.split_at_checked(4)?;
+        let (axis, radii) = bytes.split_at_checked(12)?;
+        let axis = Vec3::get(axis)?;
+        let radii: Option<Vec<f32>> = radii.chunks_exact(4).map(f32::get).collect();
+        let unit = (axis.length() - 1.0).abs() < 1e-3;
+        match (u32::from_le_bytes(count.try_into().ok()?), radii?.as_slice(), unit) {
+            (1, &[r, ..], _) => Some(Self::Disc { r }),
+            (2, &[a, b, ..], true) => Some(Self::Ellipse { axis, r: [a, b] }),
+            (8, radii, true) => Some(Self::Sectors { axis, r: radii.try_into().ok()? }),
+            _ => None,
+        }
+    }
+}
+
+/// Two tangents and the Hessian; all zero for none.
+impl Column for Option<Curve> {
+    const BYTES: usize = 24 + 36;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let (tangents, hessian) = self.map_or(([Vec3::ZERO; 2], Hessian::default()), |c| (c.tangents, c.hessian));
+        tangents.iter().chain(&[hessian.ss, hessian.st, hessian.tt]).for_each(|v| v.put(out));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let parts: Option<Vec<Vec3>> = bytes.chunks_exact(12).map(Vec3::get).collect();
+        let &[s, t, ss, st, tt] = parts?.as_slice() else { return None };
+        Some((s != Vec3::ZERO).then(|| Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }))
+    }
+}
+
+/// Makes the table from the list of fields. A new field of [`Record`] does not compile until it is in the list, or is named as one that others determine.
+macro_rules! columns {
+    ($($field:ident),*) => {
+        /// The name of each column and the bytes of one of its values.
+        pub fn table() -> Vec<(&'static str, usize)> {
+            fn bytes<T: Column>(_: impl Fn(&Record) -> &T) -> usize {
+                T::BYTES
+            }
+            vec![$((stringify!($field), bytes(|r| &r.$field))),*]
+        }
+
+        /// Appends the values of `record` to `columns`, which are in the order of [`table`].
+        pub fn put(record: &Record, columns: &mut [Vec<u8>]) {
+            // `limit` and `length` follow from the unclamped lengths of all records.
+            let Record { $($field,)* limit: _, length: _ } = record;
+            let mut columns = columns.iter_mut();
+            $(if let Some(column) = columns.next() {
+                $field.put(column);
+            })*
+        }
+
+        /// The record whose values `value(name)` finds; `None` if one is missing or is none that a sound record holds.
+        pub fn get<'a>(value: impl Fn(&str) -> Option<&'a [u8]>) -> Option<Record> {
+            $(let $field = Column::get(value(stringify!($field))?)?;)*
+            let record = Record { limit: f32::INFINITY, length: 0.0, $($field),* };
+            let unit = (record.normal.length() - 1.0).abs() < 1e-3;
+            unit.then_some(Record { length: record.length_unclamped, ..record })
+        }
+    };
+}
+
+columns!(position, normal, irradiance, rotation, translation, curve, shape, length_unclamped, error, footprint, sigma, fences);

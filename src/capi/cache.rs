@@ -1,0 +1,487 @@
+//! Caches: settings, building, files, statistics.
+
+use super::device::text;
+use super::host::Exchange;
+use super::object::{borrow, clear, publish, release, retain};
+use super::probe::HostProbe;
+use super::query::{Points, points};
+use super::scene::{SceneObject, World, path};
+use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error};
+use super::types::{LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats, write};
+use crate::cache::{Cache, CacheFile, LevelPoints, Live, Origin, Preset, Reach, Scheme};
+use crate::error::{Error, Result};
+use crate::gather::RadianceProbe;
+use crate::geometry::SurfacePoint;
+use crate::integrator::{PathTracer, SceneProbe};
+use crate::progress::{Phase, Progress};
+use crate::sampling::hash;
+use std::ffi::{c_char, c_void};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::time::Instant;
+
+/// Points of each deeper level, unless the setting `deeper_points` says otherwise.
+const DEEPER_POINTS: u32 = 16_384;
+/// Width of a pixel where the host gives none, as a share of the scene's diagonal.
+const FOOTPRINT: f32 = 0.002;
+/// Footprint of points that the camera does not see, as a share of the scene's diagonal.
+const DEEPER_FOOTPRINT: f32 = 0.004;
+
+/// What a cache is made by.
+#[derive(Clone)]
+pub(super) struct Settings {
+    pub scheme: Scheme,
+    pub max_bounces: u32,
+    pub seed: u64,
+    deeper_points: u32,
+}
+
+type Watcher = unsafe extern "C" fn(*mut c_void, f64, *const c_char) -> i32;
+
+/// Counters over the life of a cache.
+#[derive(Default)]
+pub(super) struct Counters {
+    pub rays: AtomicU64,
+    pub queries: AtomicU64,
+    pub hits: AtomicU64,
+    nanoseconds: AtomicU64,
+}
+
+impl Counters {
+    pub fn spent(&self, since: Instant) {
+        self.nanoseconds.fetch_add(since.elapsed().as_nanos() as u64, Ordering::Relaxed);
+    }
+}
+
+/// A cache.
+pub(super) struct CacheObject {
+    pub touched: Touched,
+    pub scene: Arc<SceneObject>,
+    settings: Mutex<Settings>,
+    pub live: Live,
+    /// Held by who changes the cache as a whole.
+    changing: Mutex<()>,
+    watcher: Mutex<(lumi_progress_fn, usize)>,
+    /// Threads for gathers that wait for the host.
+    pub waiting: OnceLock<rayon::ThreadPool>,
+    pub counters: Counters,
+}
+
+impl CacheObject {
+    pub fn settings(&self) -> MutexGuard<'_, Settings> {
+        self.settings.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The host's progress callback.
+    pub fn watcher(&self) -> Option<(Watcher, usize)> {
+        let (callback, user) = *self.watcher.lock().unwrap_or_else(PoisonError::into_inner);
+        callback.map(|c| (c, user))
+    }
+
+    /// Lets nobody else change the cache as a whole meanwhile.
+    pub fn change(&self) -> Outcome<MutexGuard<'_, ()>> {
+        match self.changing.try_lock() {
+            Ok(guard) => Ok(guard),
+            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => Err(Fault::operation("another call is changing this cache")),
+        }
+    }
+
+    /// Diagonal of the scene.
+    pub fn size(&self) -> Outcome<f32> {
+        Ok(self.scene.committed()?.size())
+    }
+
+    /// Width of a pixel where the host gives none.
+    pub fn default_footprint(&self) -> Outcome<f32> {
+        Ok(FOOTPRINT * self.size()?)
+    }
+
+    fn origin(&self) -> Outcome<Origin> {
+        let (settings, committed) = (self.settings(), self.scene.committed()?);
+        Ok(Origin::new(committed.hashes.clone(), &settings.scheme, settings.max_bounces, committed.size()))
+    }
+
+    /// An empty cache under the settings.
+    fn empty(&self) -> Outcome<Cache> {
+        let settings = self.settings();
+        Ok(Cache::new(settings.scheme.clone(), settings.max_bounces, self.size()?))
+    }
+
+    fn set(&self, name: &str, value: &str) -> Outcome {
+        let _alone = self.change()?;
+        if self.live.read(|s| s.record_count() > 0) {
+            return Err(Fault::operation("the cache has records: clear it before its settings change"));
+        }
+        self.settings().set(name, value)?;
+        self.live.replace(self.empty()?);
+        Ok(())
+    }
+
+    /// Calls `f` with the probe of the scene.
+    pub fn with_probe<R>(&self, exchange: &Exchange, progress: &Progress, f: impl FnOnce(&dyn RadianceProbe) -> R) -> Outcome<R> {
+        let max_bounces = self.settings().max_bounces;
+        Ok(match &self.scene.committed()?.world {
+            World::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
+            World::Host(host) => {
+                let footprint = DEEPER_FOOTPRINT * self.size()?;
+                f(&HostProbe { host, exchange, max_bounces, footprint, progress })
+            }
+        })
+    }
+
+    /// Points of the next deeper level.
+    fn next_points(
+        &self,
+        from: &[SurfacePoint],
+        level: u8,
+        s: &Settings,
+        exchange: &Exchange,
+        progress: &Progress,
+    ) -> Outcome<Vec<SurfacePoint>> {
+        let (count, seed) = (s.deeper_points as usize, hash(&[s.seed, 2, u64::from(level)]));
+        Ok(match &self.scene.committed()?.world {
+            World::Own(scene) => PathTracer { scene, max_bounces: s.max_bounces }.next_points(from, count, seed),
+            // All bounces are in what such a host answers.
+            World::Host(host) if host.is_full() => Vec::new(),
+            World::Host(host) => {
+                let footprint = DEEPER_FOOTPRINT * self.size()?;
+                let probe = HostProbe { host, exchange, max_bounces: s.max_bounces, footprint, progress };
+                probe.next_points(from, count, u32::from(level), seed)
+            }
+        })
+    }
+
+    /// Fills all levels, deepest first, from seeds on the first.
+    fn build(&self, seeds: Vec<SurfacePoint>) -> Outcome {
+        let started = Instant::now();
+        let (settings, snapshot, progress) = (self.settings().clone(), self.live.snapshot(), Progress::default());
+        if snapshot.is_frozen() {
+            return Err(Fault::operation("the cache is frozen: it takes no more records"));
+        }
+        let mut cache = snapshot.compact();
+        let filled = self.run(&progress, true, |exchange| -> Outcome<Cache> {
+            if cache.level_count() == 0 {
+                return Ok(cache);
+            }
+            let mut levels = vec![LevelPoints::scattered(seeds, settings.seed)];
+            for level in 1..cache.level_count() {
+                let points = self.next_points(&levels[levels.len() - 1].points, level, &settings, exchange, &progress)?;
+                levels.push(LevelPoints { points, round: 0 });
+            }
+            progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
+            let rays: Result<u64> = self.with_probe(exchange, &progress, |probe| {
+                let mut rays = 0;
+                for (level, points) in levels.iter().enumerate().rev() {
+                    rays += cache.fill(probe, level as u8, points, settings.seed, &progress)?.gather_rays;
+                }
+                if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(rays) }
+            })?;
+            self.counters.rays.fetch_add(rays?, Ordering::Relaxed);
+            Ok(cache)
+        })??;
+        self.counters.spent(started);
+        self.live.replace(filled);
+        Ok(())
+    }
+
+    fn save(&self, path: &Path) -> Outcome {
+        Ok(CacheFile::new(&self.live.snapshot().compact(), self.origin()?).write(path)?)
+    }
+
+    fn load(&self, path: &Path, reuse: bool) -> Outcome {
+        let _alone = self.change()?;
+        let scheme = self.settings().scheme.clone();
+        self.live.replace(CacheFile::read(path)?.into_cache(scheme, &self.origin()?, reuse, path)?);
+        Ok(())
+    }
+
+    fn merge(&self, other: &Self, reuse: bool) -> Outcome {
+        let _alone = self.change()?;
+        let (scheme, origin, name) = (self.settings().scheme.clone(), self.origin()?, Path::new("the other cache"));
+        let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
+        file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
+        self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);
+        Ok(())
+    }
+
+    fn stats(&self) -> Outcome<lumi_stats> {
+        let snapshot = self.live.snapshot();
+        let reach = Reach::new(snapshot.cache().scheme(), 0, self.size()?, 1.0);
+        let radii =
+            snapshot.records().filter(|(level, _)| *level == 0).map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
+        let (sum, max, count) = radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
+        let host = match &self.scene.committed()?.world {
+            World::Own(_) => [0; 2],
+            World::Host(host) => host.counts(),
+        };
+        let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
+        let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
+        Ok(lumi_stats {
+            struct_size: 0,
+            frozen: u32::from(snapshot.is_frozen()),
+            records: snapshot.record_count() as u64,
+            bytes: snapshot.bytes() as u64,
+            rays: load(&self.counters.rays),
+            queries,
+            hits,
+            misses: queries.saturating_sub(hits),
+            host_calls: host[0],
+            host_rays: host[1],
+            build_seconds: load(&self.counters.nanoseconds) as f64 * 1e-9,
+            mean_radius: if count > 0 { sum / count as f64 } else { 0.0 },
+            max_radius: max,
+        })
+    }
+}
+
+impl Settings {
+    fn set(&mut self, name: &str, value: &str) -> Outcome {
+        let number = |low: i64, high: i64| {
+            let parsed = value.parse::<i64>().ok().filter(|n| (low..=high).contains(n));
+            parsed.ok_or_else(|| {
+                Fault::argument(format!("setting `{name}` is {value}, expected a whole number from {low} to {high}"))
+            })
+        };
+        match name {
+            "preset" => self.scheme = Preset::by_name(value)?.scheme(),
+            "quality" => {
+                let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
+                let quality: f32 =
+                    quality.ok_or_else(|| Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100")))?;
+                self.scheme.scale_quality(quality);
+            }
+            "max_bounces" => self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX),
+            "seed" => self.seed = number(0, i64::MAX)? as u64,
+            "deeper_points" => self.deeper_points = number(0, 1 << 24)? as u32,
+            _ => {
+                let fields = serde_json::to_value(&self.scheme).unwrap_or_default();
+                if fields.get(name).is_none() {
+                    return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, format!("there is no setting `{name}`")));
+                }
+                self.scheme.set(name, value)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Makes an empty cache for a committed scene; the caller owns a reference to it.
+///
+/// `preset`: name of a caching scheme as `lumicache presets` lists them; NULL: "auto".
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_new(scene: lumi_scene, preset: *const c_char, out: *mut lumi_cache) -> lumi_error {
+    guard("lumi_cache_new", || {
+        clear(out)?;
+        let scene = borrow::<SceneObject>(scene)?.arc().clone();
+        let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
+        let scheme = Preset::by_name(preset)?.scheme();
+        let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
+        let settings = Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let object = CacheObject {
+            touched: Touched { log: scene.device.touched.log.clone(), broken: Arc::default() },
+            scene,
+            settings: Mutex::new(settings),
+            live,
+            changing: Mutex::new(()),
+            watcher: Mutex::new((None, 0)),
+            waiting: OnceLock::new(),
+            counters: Counters::default(),
+        };
+        publish(Arc::new(object), out)
+    })
+}
+
+/// Adds a reference.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_retain(cache: lumi_cache) {
+    guard_void("lumi_cache_retain", || retain::<CacheObject>(cache));
+}
+
+/// Drops a reference. NULL is ignored.
+///
+/// Threads: any, except from the cache's own callbacks.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
+    guard_void("lumi_cache_release", || release::<CacheObject>(cache));
+}
+
+/// Sets a number of the scheme, such as "error", "max_radius" or "quality". Fails with LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
+/// LUMI_ERROR_INVALID_OPERATION once the cache has records.
+///
+/// Threads: one per cache.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_set_f32(cache: lumi_cache, name: *const c_char, value: f32) -> lumi_error {
+    guard("lumi_cache_set_f32", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string()))
+}
+
+/// Sets a whole number: "rays", "levels", "passes" and other fields of the scheme, "max_bounces" (-1: no bound), "seed", "deeper_points" (points of each deeper level). See
+/// lumi_cache_set_f32.
+///
+/// Threads: one per cache.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_set_i32(cache: lumi_cache, name: *const c_char, value: i32) -> lumi_error {
+    guard("lumi_cache_set_i32", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string()))
+}
+
+/// Sets a word: "preset", which resets the whole scheme, or any setting written as `lumicache presets` shows it. See lumi_cache_set_f32.
+///
+/// Threads: one per cache.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_set_str(cache: lumi_cache, name: *const c_char, value: *const c_char) -> lumi_error {
+    guard("lumi_cache_set_str", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, text(value, "value")?))
+}
+
+/// Sets who watches lumi_cache_build and lumi_cache_render; NULL: nobody.
+///
+/// Threads: any; the callback runs on the thread that builds.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_set_progress(cache: lumi_cache, callback: lumi_progress_fn, user: *mut c_void) -> lumi_error {
+    guard("lumi_cache_set_progress", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        *cache.watcher.lock().unwrap_or_else(PoisonError::into_inner) = (callback, user.expose_provenance());
+        Ok(())
+    })
+}
+
+/// Makes records until every seed point is covered, and before that those of deeper bounces. What the cache has already is kept. The same settings, points and calls give the
+/// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as before.
+///
+/// `seeds`: positions, normals and footprints are read, nothing is written.
+///
+/// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_build(cache: lumi_cache, seeds: *const lumi_query) -> lumi_error {
+    guard("lumi_cache_build", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        let points: Points = points(seeds, &cache)?;
+        let _alone = cache.change()?;
+        cache.build(points.valid())
+    })
+}
+
+/// Joins what fills have added into one index, and refuses more records: lookups are fastest then.
+///
+/// Threads: one per cache; lookups may go on meanwhile.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
+    guard("lumi_cache_freeze", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        let _alone = cache.change()?;
+        cache.live.freeze();
+        Ok(())
+    })
+}
+
+/// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what they were made for.
+///
+/// `path`: UTF-8.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_save(cache: lumi_cache, file: *const c_char) -> lumi_error {
+    guard("lumi_cache_save", || borrow::<CacheObject>(cache)?.save(path(file)?))
+}
+
+fn reuse(flags: u32) -> Outcome<bool> {
+    if flags & !LUMI_REUSE != 0 {
+        return Err(Fault::argument(format!("unknown flags {flags:#x}")));
+    }
+    Ok(flags & LUMI_REUSE != 0)
+}
+
+/// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the file was made for another scene or under other settings, which LUMI_REUSE
+/// overlooks. LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
+///
+/// `path`: UTF-8. `flags`: 0 or LUMI_REUSE.
+///
+/// Threads: one per cache; lookups may go on meanwhile.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_load(cache: lumi_cache, file: *const c_char, flags: u32) -> lumi_error {
+    guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
+}
+
+/// Adds the records of `src` to `dst`, but for those that it has already. LUMI_ERROR_STALE_CACHE as for lumi_cache_load.
+///
+/// `flags`: 0 or LUMI_REUSE.
+///
+/// Threads: one per cache `dst`; lookups may go on meanwhile.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_merge(dst: lumi_cache, src: lumi_cache, flags: u32) -> lumi_error {
+    guard("lumi_cache_merge", || {
+        let (dst, src) = (borrow::<CacheObject>(dst)?, borrow::<CacheObject>(src)?);
+        dst.merge(&src, reuse(flags)?)
+    })
+}
+
+/// Drops all records; a frozen cache takes new ones again.
+///
+/// Threads: one per cache; lookups may go on meanwhile.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_clear(cache: lumi_cache) -> lumi_error {
+    guard("lumi_cache_clear", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        let _alone = cache.change()?;
+        cache.live.replace(cache.empty()?);
+        Ok(())
+    })
+}
+
+/// Numbers of the cache.
+///
+/// `stats`: set its struct_size first.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_get_stats(cache: lumi_cache, stats: *mut lumi_stats) -> lumi_error {
+    guard("lumi_cache_get_stats", || write(stats, borrow::<CacheObject>(cache)?.stats()?, "the stats"))
+}
+
+/// Writes records `first` and following, at most `max`, to `out`: first level first.
+///
+/// `n`: receives how many were written; with `out` NULL, how many there are.
+///
+/// Threads: any. The numbers of records stay the same only while nothing is added.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_get_records(
+    cache: lumi_cache,
+    first: usize,
+    max: usize,
+    out: *mut lumi_record,
+    n: *mut usize,
+) -> lumi_error {
+    guard("lumi_cache_get_records", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        if n.is_null() {
+            return Err(Fault::argument("n is NULL"));
+        }
+        let (snapshot, size) = (cache.live.snapshot(), cache.size()?);
+        let mut count = 0;
+        if out.is_null() {
+            count = snapshot.record_count();
+        } else {
+            for (level, r) in snapshot.records().skip(first).take(max) {
+                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0).radius(r.length, r.footprint).0;
+                let record = lumi_record {
+                    position: r.position.to_array(),
+                    normal: r.normal.to_array(),
+                    irradiance: r.irradiance.to_array(),
+                    radius,
+                    sigma: r.sigma,
+                    level: level.into(),
+                };
+                // SAFETY: the host passes room for `max` records, and count < max.
+                unsafe { out.add(count).write_unaligned(record) };
+                count += 1;
+            }
+        }
+        // SAFETY: not NULL; the host passes the address of a number.
+        unsafe { n.write(count) };
+        Ok(())
+    })
+}

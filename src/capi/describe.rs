@@ -1,0 +1,250 @@
+//! What the host describes, as scene data.
+
+use super::status::{Fault, Outcome};
+use super::types::{
+    LUMI_ALPHA_BLEND, LUMI_ALPHA_MASK, LUMI_ALPHA_OPAQUE, LUMI_FORMAT_F32X2, LUMI_FORMAT_F32X3, LUMI_FORMAT_F32X4,
+    LUMI_FORMAT_U32, LUMI_FORMAT_U32X3, LUMI_LIGHT_DIRECTIONAL, LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED,
+    LUMI_WRAP_CLAMP, LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lumi_light_desc, lumi_material_desc, lumi_mesh_desc, lumi_texture_desc,
+};
+use super::views::Input;
+use crate::geometry::TriangleMesh;
+use crate::light::PunctualLight;
+use crate::material::{AlphaMode, Material};
+use crate::math::{Affine3A, Color, Vec2, Vec3, Vec4};
+use crate::texture::{ColorSpace, Texture, TextureImage, TexturePixels, TextureRef, Wrap};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Largest size of a texture along an axis.
+const MAX_TEXTURE: u32 = 1 << 16;
+
+fn finite(v: Vec3, what: &str) -> Outcome<Vec3> {
+    if v.is_finite() { Ok(v) } else { Err(Fault::argument(format!("{what} {v} is no finite vector"))) }
+}
+
+fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
+    finite(v, what)?.try_normalize().ok_or_else(|| Fault::argument(format!("{what} is zero")))
+}
+
+fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
+    if (low..=high).contains(&value) {
+        Ok(value)
+    } else {
+        Err(Fault::argument(format!("{what} is {value}, expected {low} to {high}")))
+    }
+}
+
+fn not_negative(c: [f32; 3], what: &str) -> Outcome<Color> {
+    let c = finite(c.into(), what)?;
+    if c.min_element() >= 0.0 { Ok(c) } else { Err(Fault::argument(format!("{what} {c} is negative"))) }
+}
+
+/// The transform of 12 floats, columns x, y, z and translation.
+pub(super) fn transform(floats: &[f32; 12], what: &str) -> Outcome<Affine3A> {
+    let m = Affine3A::from_cols_array(floats);
+    let determinant = m.matrix3.determinant();
+    if !m.is_finite() || !determinant.is_finite() || determinant == 0.0 {
+        return Err(Fault::argument(format!("{what} is singular, or its numbers are none")));
+    }
+    Ok(m)
+}
+
+/// The meshes of `desc`, one for each material it uses; materials are below `materials`.
+pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<TriangleMesh>> {
+    let missing = |what: &str| Fault::argument(format!("mesh: there are no {what}"));
+    let positions = Input::<f32, 3>::of_view(&desc.positions, LUMI_FORMAT_F32X3, "mesh: positions")?;
+    let indices = Input::<u32, 3>::of_view(&desc.indices, LUMI_FORMAT_U32X3, "mesh: indices")?;
+    let (positions, indices) = (positions.ok_or_else(|| missing("positions"))?, indices.ok_or_else(|| missing("indices"))?);
+    let normals = Input::<f32, 3>::of_view(&desc.normals, LUMI_FORMAT_F32X3, "mesh: normals")?;
+    let uv = Input::<f32, 2>::of_view(&desc.uv0, LUMI_FORMAT_F32X2, "mesh: uv0")?;
+    let colors = Input::<f32, 4>::of_view(&desc.colors, LUMI_FORMAT_F32X4, "mesh: colors")?;
+    let own = Input::<u32, 1>::of_view(&desc.triangle_materials, LUMI_FORMAT_U32, "mesh: triangle_materials")?;
+    let vertices = positions.len();
+    for (what, count) in
+        [("normals", normals.map(|v| v.len())), ("uv0", uv.map(|v| v.len())), ("colors", colors.map(|v| v.len()))]
+    {
+        if count.is_some_and(|n| n != vertices) {
+            return Err(Fault::argument(format!("mesh: {what} has {} elements for {vertices} vertices", count.unwrap_or(0))));
+        }
+    }
+    if own.is_some_and(|m| m.len() != indices.len()) {
+        return Err(Fault::argument(format!(
+            "mesh: triangle_materials does not have an element for each of {} triangles",
+            indices.len()
+        )));
+    }
+    let positions: Vec<Vec3> = positions.iter().map(Vec3::from).collect();
+    if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
+        return Err(Fault::argument(format!("mesh: position {i} is no finite vector")));
+    }
+    // A normal that is none is left to the surface: it is looked up as zero there.
+    let normals: Option<Vec<Vec3>> =
+        normals.map(|n| n.iter().map(|n| finite_or_zero(Vec3::from(n)).normalize_or_zero()).collect());
+    let uv: Option<Vec<Vec2>> = uv.map(|t| t.iter().map(|t| Vec2::from(t.map(number_or_zero))).collect());
+    let colors: Option<Vec<Vec4>> =
+        colors.map(|c| c.iter().map(|c| Vec4::from(c.map(number_or_zero)).clamp(Vec4::ZERO, Vec4::ONE)).collect());
+
+    let mut by_material: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
+    for (i, triangle) in indices.iter().enumerate() {
+        if triangle.iter().any(|v| *v as usize >= vertices) {
+            return Err(Fault::argument(format!("mesh: triangle {i} has a vertex beyond its {vertices}")));
+        }
+        let material = own.map_or(desc.material, |m| m.get(i)[0]);
+        if material as usize >= materials {
+            return Err(Fault::argument(format!("mesh: triangle {i} has material {material}, of which there are {materials}")));
+        }
+        by_material.entry(material).or_default().push(triangle);
+    }
+    let whole = TriangleMesh { positions, normals, uv: [uv, None], colors, ..TriangleMesh::default() };
+    let count = by_material.len();
+    Ok(by_material
+        .into_iter()
+        .map(|(material, triangles)| {
+            if count == 1 {
+                TriangleMesh { indices: triangles, material, ..whole.clone() }
+            } else {
+                part(&whole, triangles, material)
+            }
+        })
+        .collect())
+}
+
+fn number_or_zero(x: f32) -> f32 {
+    if x.is_finite() { x } else { 0.0 }
+}
+
+fn finite_or_zero(v: Vec3) -> Vec3 {
+    if v.is_finite() { v } else { Vec3::ZERO }
+}
+
+/// The mesh of some triangles of `whole`, with the vertices that they use.
+fn part(whole: &TriangleMesh, mut triangles: Vec<[u32; 3]>, material: u32) -> TriangleMesh {
+    let mut number = vec![u32::MAX; whole.positions.len()];
+    let mut used = Vec::new();
+    for v in triangles.as_flattened_mut() {
+        let new = &mut number[*v as usize];
+        if *new == u32::MAX {
+            *new = used.len() as u32;
+            used.push(*v as usize);
+        }
+        *v = *new;
+    }
+    fn pick<T: Copy>(values: &[T], used: &[usize]) -> Vec<T> {
+        used.iter().map(|i| values[*i]).collect()
+    }
+    TriangleMesh {
+        positions: pick(&whole.positions, &used),
+        normals: whole.normals.as_ref().map(|n| pick(n, &used)),
+        uv: [whole.uv[0].as_ref().map(|t| pick(t, &used)), None],
+        colors: whole.colors.as_ref().map(|c| pick(c, &used)),
+        indices: triangles,
+        material,
+        ..TriangleMesh::default()
+    }
+}
+
+/// glTF's default material but for a metallic factor of 0, as most hosts have it.
+pub(super) fn default_material() -> lumi_material_desc {
+    lumi_material_desc {
+        struct_size: size_of::<lumi_material_desc>() as u32,
+        flags: 0,
+        base_color: [0.8; 3],
+        alpha: 1.0,
+        alpha_mode: LUMI_ALPHA_OPAQUE,
+        alpha_cutoff: 0.5,
+        metallic: 0.0,
+        roughness: 0.5,
+        ior: 1.5,
+        specular: 1.0,
+        transmission: 0.0,
+        emission: [0.0; 3],
+        base_color_texture: -1,
+        metallic_roughness_texture: -1,
+        emission_texture: -1,
+        normal_texture: -1,
+    }
+}
+
+/// The material of `desc`; textures are below `textures`.
+pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Material> {
+    let texture = |id: i32, color_space: ColorSpace, what: &str| match usize::try_from(id) {
+        Err(_) => Ok(None),
+        Ok(n) if n < textures => Ok(Some(TextureRef {
+            texture: n as u32,
+            uv_set: 0,
+            offset: Vec2::ZERO,
+            rotation: 0.0,
+            scale: Vec2::ONE,
+            color_space,
+        })),
+        Ok(n) => Err(Fault::argument(format!("material: {what} is {n}, of {textures} textures"))),
+    };
+    let share = |value: f32, what: &str| in_range(value, 0.0, 1.0, &format!("material: {what}"));
+    let base_color = not_negative(desc.base_color, "material: base_color")?;
+    share(base_color.max_element(), "base_color")?;
+    if desc.flags & !LUMI_MATERIAL_DOUBLE_SIDED != 0 {
+        return Err(Fault::argument(format!("material: unknown flags {:#x}", desc.flags)));
+    }
+    let emission_texture = texture(desc.emission_texture, ColorSpace::Srgb, "emission_texture")?;
+    Ok(Material {
+        base_color,
+        base_alpha: share(desc.alpha, "alpha")?,
+        base_color_texture: texture(desc.base_color_texture, ColorSpace::Srgb, "base_color_texture")?,
+        metallic: share(desc.metallic, "metallic")?,
+        roughness: share(desc.roughness, "roughness")?,
+        metallic_roughness_texture: texture(desc.metallic_roughness_texture, ColorSpace::Linear, "metallic_roughness_texture")?,
+        normal_texture: texture(desc.normal_texture, ColorSpace::Linear, "normal_texture")?,
+        emission: not_negative(desc.emission, "material: emission")?,
+        emission_texture,
+        alpha_mode: match desc.alpha_mode {
+            LUMI_ALPHA_OPAQUE => AlphaMode::Opaque,
+            LUMI_ALPHA_MASK => AlphaMode::Mask(share(desc.alpha_cutoff, "alpha_cutoff")?),
+            LUMI_ALPHA_BLEND => AlphaMode::Blend,
+            other => return Err(Fault::argument(format!("material: there is no alpha_mode {other}"))),
+        },
+        double_sided: desc.flags & LUMI_MATERIAL_DOUBLE_SIDED != 0,
+        ior: in_range(desc.ior, 1.0, 100.0, "material: ior")?,
+        specular: share(desc.specular, "specular")?,
+        transmission: share(desc.transmission, "transmission")?,
+        ..Material::default()
+    })
+}
+
+/// The texture of `desc`.
+pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
+    if desc.width == 0 || desc.height == 0 || desc.width > MAX_TEXTURE || desc.height > MAX_TEXTURE {
+        return Err(Fault::argument(format!(
+            "texture: {} x {} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible",
+            desc.width, desc.height
+        )));
+    }
+    let wrap = |mode: u32| match mode {
+        LUMI_WRAP_REPEAT => Ok(Wrap::Repeat),
+        LUMI_WRAP_MIRROR => Ok(Wrap::Mirror),
+        LUMI_WRAP_CLAMP => Ok(Wrap::Clamp),
+        other => Err(Fault::argument(format!("texture: there is no wrapping {other}"))),
+    };
+    let (wrap_s, wrap_t) = (wrap(desc.wrap_u)?, wrap(desc.wrap_v)?);
+    let pixels = Input::<u8, 4>::required(desc.pixels, desc.width as usize * desc.height as usize, 0, "texture: pixels")?;
+    let pixels = TexturePixels::Rgba8(pixels.iter().collect());
+    let image = Arc::new(TextureImage { width: desc.width, height: desc.height, pixels });
+    Ok(Texture { image, wrap_s, wrap_t, nearest: desc.nearest != 0 })
+}
+
+/// The light of `desc`.
+pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
+    let intensity = not_negative(desc.intensity, "light: intensity")?;
+    let range = if desc.range == 0.0 { f32::INFINITY } else { in_range(desc.range, 0.0, f32::INFINITY, "light: range")? };
+    let position = || finite(desc.position.into(), "light: position");
+    let direction = || unit(desc.direction.into(), "light: direction");
+    Ok(match desc.kind {
+        LUMI_LIGHT_POINT => PunctualLight::Point { position: position()?, intensity, range },
+        LUMI_LIGHT_SPOT => {
+            let cos_outer = in_range(desc.cos_outer, -1.0, 1.0, "light: cos_outer")?;
+            let cos_inner = in_range(desc.cos_inner, cos_outer, 1.0, "light: cos_inner")?;
+            PunctualLight::Spot { position: position()?, direction: direction()?, intensity, range, cos_inner, cos_outer }
+        }
+        LUMI_LIGHT_DIRECTIONAL => PunctualLight::Directional { direction: direction()?, irradiance: intensity },
+        other => return Err(Fault::argument(format!("light: there is no kind {other}"))),
+    })
+}

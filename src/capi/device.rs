@@ -1,0 +1,164 @@
+//! Devices: threads, ray tracer and log of one user of the library.
+
+use super::object::{borrow, clear, publish, release, retain};
+use super::status::{
+    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Log, Outcome, Touched, guard, guard_void, lumi_error, lumi_log_fn,
+};
+use super::types::{LUMI_ABI_VERSION, lumi_device};
+use crate::accel::{Accel, Backend};
+use crate::error::Error;
+use crate::ffi::mxcsr;
+use crate::geometry::Geometry;
+use std::ffi::{CStr, c_char, c_void};
+use std::sync::Arc;
+
+/// A device.
+pub(super) struct DeviceObject {
+    pub touched: Touched,
+    pub pool: rayon::ThreadPool,
+    pub backend: Backend,
+    /// Name and version of the ray tracer.
+    pub backend_version: String,
+}
+
+impl DeviceObject {
+    pub fn warn(&self, message: &str) {
+        self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, message);
+    }
+}
+
+/// A pool whose threads flush denormals, as the tracer wants; the host's own threads are not touched.
+pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(move |i| format!("{name}-{i}"))
+        .start_handler(|_| mxcsr::flush_denormals())
+        .build()
+        .map_err(|e| Error::Device(format!("threads could not be started: {e}")).into())
+}
+
+/// The text at `at`.
+pub(super) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
+    if at.is_null() {
+        return Err(Fault::argument(format!("{what} is NULL")));
+    }
+    // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond which it is not kept.
+    unsafe { CStr::from_ptr(at) }.to_str().map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
+}
+
+fn new_device(config: &str) -> Outcome<DeviceObject> {
+    let (mut threads, mut wanted) = (0_usize, None);
+    for item in config.split(',').map(str::trim).filter(|i| !i.is_empty()) {
+        let (key, value) = item.split_once('=').unwrap_or((item, ""));
+        match key.trim() {
+            "threads" => {
+                threads = value.trim().parse().ok().filter(|n| *n <= 4096).ok_or_else(|| {
+                    Fault::argument(format!("config: threads={value}: expected a number from 0 (all processors) to 4096"))
+                })?;
+            }
+            "backend" => wanted = Some(value.trim().parse::<Backend>()?),
+            _ => return Err(Fault::argument(format!("config: there is no `{key}`; there are threads and backend"))),
+        }
+    }
+    let backend = wanted.unwrap_or_default();
+    let backend_version = Accel::build(&Geometry::default(), backend)?.version();
+    let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
+    Ok(DeviceObject { touched, pool: pool(threads, "lumicache")?, backend, backend_version })
+}
+
+/// The version of the ABI that the library has, as LUMI_ABI_VERSION of its header.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub extern "C" fn lumi_get_abi_version() -> u32 {
+    let mut version = 0;
+    guard("lumi_get_abi_version", || {
+        version = LUMI_ABI_VERSION;
+        Ok(())
+    });
+    version
+}
+
+/// The version of the library, such as "0.1.0"; lives as long as the library.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub extern "C" fn lumi_get_version_string() -> *const c_char {
+    const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+        Ok(text) => text,
+        Err(_) => c"",
+    };
+    let mut version = std::ptr::null();
+    guard("lumi_get_version_string", || {
+        version = VERSION.as_ptr();
+        Ok(())
+    });
+    version
+}
+
+/// Makes a device; the caller owns a reference to it.
+///
+/// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the library's, fails with LUMI_ERROR_VERSION.
+/// `config`: NULL, or settings separated by commas: `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it starts).
+/// `out`: receives the device, NULL on failure.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_device_new(abi_version: u32, config: *const c_char, out: *mut lumi_device) -> lumi_error {
+    guard("lumi_device_new", || {
+        clear(out)?;
+        if abi_version >> 16 != LUMI_ABI_VERSION >> 16 || abi_version > LUMI_ABI_VERSION {
+            let what = format!("the caller was compiled for ABI {abi_version:#x}, this library has {LUMI_ABI_VERSION:#x}");
+            return Err(Fault::new(LUMI_ERROR_VERSION, what));
+        }
+        let config = if config.is_null() { "" } else { text(config, "config")? };
+        publish(Arc::new(new_device(config)?), out)
+    })
+}
+
+/// Adds a reference.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_device_retain(device: lumi_device) {
+    guard_void("lumi_device_retain", || retain::<DeviceObject>(device));
+}
+
+/// Drops a reference. Scenes and caches keep what they need of their device. NULL is ignored.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_device_release(device: lumi_device) {
+    guard_void("lumi_device_release", || release::<DeviceObject>(device));
+}
+
+/// Sets who hears of warnings and failures of calls on this device and its scenes and caches; NULL: nobody.
+///
+/// Threads: any; a message under way may still go to the former callback.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_device_set_log(device: lumi_device, callback: lumi_log_fn, user: *mut c_void) -> lumi_error {
+    guard("lumi_device_set_log", || {
+        borrow::<DeviceObject>(device)?.touched.log.set(callback, user);
+        Ok(())
+    })
+}
+
+/// Writes name and version of the ray tracer, such as "Embree 4.3.3", to `buffer`, cut off to `size` bytes with its NUL.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_device_get_backend(device: lumi_device, buffer: *mut c_char, size: usize) -> lumi_error {
+    guard("lumi_device_get_backend", || {
+        let device = borrow::<DeviceObject>(device)?;
+        if buffer.is_null() || size == 0 {
+            return Err(Fault::argument("there is no room for the text"));
+        }
+        let bytes = device.backend_version.as_bytes();
+        let count = bytes.len().min(size - 1);
+        for (i, byte) in bytes[..count].iter().chain(&[0]).enumerate() {
+            // SAFETY: the host passes room for `size` bytes, and i <= count < size.
+            unsafe { buffer.add(i).write(*byte as c_char) };
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,119 @@
+//! Whole pictures of our own scenes, for hosts that have no renderer of their own.
+
+use super::cache::CacheObject;
+use super::describe;
+use super::device::text;
+use super::object::borrow;
+use super::status::{Fault, Outcome, guard, lumi_error};
+use super::types::{LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, lumi_cache, lumi_layer, lumi_render_desc, read};
+use super::views::Output;
+use crate::camera::{Camera, Projection};
+use crate::error::Error;
+use crate::film::{LAYERS, Layer};
+use crate::progress::Progress;
+use crate::render::{self, Clock, IntegratorKind, Settings};
+
+/// Most layers of one picture.
+const MOST_LAYERS: usize = 256;
+
+fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
+    let positive = desc.yfov.is_finite() && desc.yfov > 0.0;
+    let projection = if desc.flags & LUMI_RENDER_ORTHOGRAPHIC != 0 {
+        let aspect = if desc.aspect == 0.0 { desc.width as f32 / desc.height as f32 } else { desc.aspect };
+        if !(positive && aspect.is_finite() && aspect > 0.0) {
+            return Err(Fault::argument("render: the size of the orthographic camera is not positive"));
+        }
+        Projection::Orthographic { xmag: desc.yfov * aspect, ymag: desc.yfov }
+    } else {
+        if !(positive && desc.yfov < std::f32::consts::PI) {
+            return Err(Fault::argument(format!("render: yfov is {}, expected a positive angle below pi", desc.yfov)));
+        }
+        Projection::Perspective { yfov: desc.yfov }
+    };
+    let to_world = describe::transform(&desc.camera, "render: camera")?;
+    Ok(Camera { name: "host".into(), projection, aspect: None, to_world })
+}
+
+/// The layers that the host wants, and their room.
+fn wanted(layers: *const lumi_layer, count: usize, samples: usize) -> Outcome<Vec<(&'static Layer, Output<f32, 1>)>> {
+    if count > MOST_LAYERS || (layers.is_null() && count > 0) {
+        return Err(Fault::argument(format!("render: {count} layers at {layers:?}")));
+    }
+    let one = |i: usize| {
+        // SAFETY: the host passes `count` layers, and i is below that.
+        let wanted = unsafe { layers.add(i).read_unaligned() };
+        let name = text(wanted.name, "the name of a layer")?;
+        let layer = LAYERS
+            .iter()
+            .find(|l| l.name == name)
+            .ok_or_else(|| Fault::argument(format!("render: there is no layer `{name}`")))?;
+        if layer.channels.len() != wanted.channels as usize {
+            let what = format!("render: the layer `{name}` has {} channels, not {}", layer.channels.len(), wanted.channels);
+            return Err(Fault::argument(what));
+        }
+        let room = Output::new(wanted.data, samples * layer.channels.len(), 0, "the room of a layer")?;
+        Ok((layer, room.ok_or_else(|| Fault::argument(format!("render: the room of the layer `{name}` is NULL")))?))
+    };
+    (0..count).map(one).collect()
+}
+
+impl CacheObject {
+    fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
+        let known = LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC;
+        if desc.flags & !known != 0 || desc.width == 0 || desc.height == 0 || desc.width > 1 << 16 || desc.height > 1 << 16 {
+            return Err(Fault::argument(format!("render: {} x {} pixels, flags {:#x}", desc.width, desc.height, desc.flags)));
+        }
+        let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
+        let (scene, made_by) = (self.scene.own()?, self.settings().clone());
+        let _alone = self.change()?;
+        let settings = Settings {
+            integrator: if desc.flags & LUMI_RENDER_PATH != 0 { IntegratorKind::Path } else { IntegratorKind::Cache },
+            scheme: made_by.scheme,
+            camera: camera(desc)?,
+            size: [desc.width, desc.height],
+            window: [0, 0, desc.width, desc.height],
+            spp: if desc.samples == 0 { 16 } else { desc.samples },
+            noise: 0.0,
+            max_bounces: made_by.max_bounces,
+            seed: made_by.seed,
+            prepass_only: false,
+        };
+        let snapshot = self.live.snapshot();
+        let (before, progress) = (snapshot.compact(), Progress::default());
+        let frame = self.run(&progress, true, |_| {
+            render::frame_with(scene, &settings, Some(before), &progress, &mut Clock::default(), &mut |_, _| ())
+        })??;
+        for (layer, room) in &mut layers {
+            let channels = frame.film.channels(layer);
+            for (c, samples) in channels.iter().enumerate() {
+                samples.iter().enumerate().for_each(|(i, x)| room.set(i * channels.len() + c, [*x]));
+            }
+        }
+        if frame.cancelled {
+            return Err(Error::Cancelled.into());
+        }
+        if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
+            self.live.replace(cache);
+        }
+        Ok(())
+    }
+}
+
+/// Renders a picture of a scene of our own: direct light, glossy and specular light by paths, indirect diffuse light from the cache, which is filled where the camera needs it. The
+/// records are kept, unless the cache is frozen. Cancelled, the layers hold the samples so far.
+///
+/// `layers`: `count` layers with room for their samples.
+///
+/// Threads: one per cache; the work is done on the device's threads.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_render(
+    cache: lumi_cache,
+    desc: *const lumi_render_desc,
+    layers: *const lumi_layer,
+    count: usize,
+) -> lumi_error {
+    guard("lumi_cache_render", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        cache.render(&read(desc, "the picture")?, layers, count)
+    })
+}

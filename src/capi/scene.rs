@@ -1,0 +1,491 @@
+//! Scenes: described piece by piece, read from a file, or kept by the host; then committed.
+
+use super::describe;
+use super::device::{DeviceObject, text};
+use super::host::Host;
+use super::object::{Borrowed, borrow, clear, publish, release, retain};
+use super::probe::surface_point;
+use super::status::{Fault, Outcome, Touched, guard, guard_void, lumi_error};
+use super::types::{
+    LUMI_VIEW_SHARED, lumi_device, lumi_host_desc, lumi_light_desc, lumi_material_desc, lumi_mesh_desc, lumi_scene,
+    lumi_scene_info, lumi_texture_desc, lumi_trace_desc, read, write,
+};
+use super::views::{Input, Output};
+use crate::accel::Ray;
+use crate::error::Error;
+use crate::geometry::{Aabb, Instance, SurfacePoint, TriangleMesh};
+use crate::import::{self, ImportOptions};
+use crate::light::EnvironmentMap;
+use crate::math::{Affine3A, Color, Mat3, Vec3};
+use crate::scene::{Scene, SceneData};
+use std::collections::BTreeMap;
+use std::ffi::c_char;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// What rays see once a scene is committed.
+pub(super) enum World {
+    Own(Box<Scene>),
+    Host(Host),
+}
+
+/// A committed scene.
+pub(super) struct Committed {
+    pub world: World,
+    /// Hashes of its parts, for cache files.
+    pub hashes: BTreeMap<String, String>,
+    /// All of them in one, hexadecimal.
+    pub hash: String,
+    pub bounds: Aabb,
+}
+
+impl Committed {
+    /// Length of the diagonal.
+    pub fn size(&self) -> f32 {
+        match &self.world {
+            World::Own(scene) => scene.size(),
+            World::Host(host) => host.bounds.diagonal(),
+        }
+    }
+}
+
+/// A mesh as it was described.
+enum Described {
+    Ready(Vec<TriangleMesh>),
+    /// Its buffers are read by the commit.
+    Shared(lumi_mesh_desc),
+}
+
+// SAFETY: the pointers of a shared mesh are only read, by the committing thread; the host keeps the buffers unchanged until then.
+unsafe impl Send for Described {}
+
+/// A scene while it is described.
+#[derive(Default)]
+struct Draft {
+    /// What a file brought, and materials, textures and lights.
+    data: SceneData,
+    meshes: Vec<Described>,
+    /// Mesh and placement.
+    instances: Vec<(u32, Affine3A)>,
+    host: Option<Host>,
+}
+
+/// A scene.
+pub(super) struct SceneObject {
+    pub touched: Touched,
+    pub device: Arc<DeviceObject>,
+    draft: Mutex<Draft>,
+    committed: OnceLock<Committed>,
+}
+
+impl SceneObject {
+    /// The committed scene.
+    pub fn committed(&self) -> Outcome<&Committed> {
+        self.committed.get().ok_or_else(|| Fault::operation("the scene is not committed"))
+    }
+
+    /// The scene, if it is our own.
+    pub fn own(&self) -> Outcome<&Scene> {
+        match &self.committed()?.world {
+            World::Own(scene) => Ok(scene),
+            World::Host(_) => Err(Fault::operation("the host keeps this scene: the library cannot trace it by itself")),
+        }
+    }
+
+    /// The draft of a scene of our own.
+    fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
+        let draft = self.draft.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.committed.get().is_some() {
+            return Err(Fault::operation("the scene is committed: it cannot change any more"));
+        }
+        if draft.host.is_some() {
+            return Err(Fault::operation("the host keeps this scene: nothing can be added to it"));
+        }
+        Ok(draft)
+    }
+
+    fn commit(&self) -> Outcome {
+        let mut draft = self.draft.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.committed.get().is_some() {
+            return Err(Fault::operation("the scene is committed already"));
+        }
+        let committed = match draft.host.take() {
+            Some(host) => {
+                let hash = format!("{:016x}", host.hash);
+                let hashes = BTreeMap::from([("scene of the host".to_owned(), hash.clone())]);
+                Committed { bounds: host.bounds, world: World::Host(host), hashes, hash }
+            }
+            None => {
+                let draft: &mut Draft = &mut draft;
+                self.device.pool.install(|| build(draft, &self.device))?
+            }
+        };
+        // The draft's lock makes this thread the only one here.
+        let _ = self.committed.set(committed);
+        *draft = Draft::default();
+        Ok(())
+    }
+}
+
+/// The world of a draft; the draft stays usable if that fails.
+fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
+    let mut data = draft.data.clone();
+    // Meshes of a file come first and are placed already.
+    let mut numbers = Vec::with_capacity(draft.meshes.len());
+    for (id, mesh) in draft.meshes.iter().enumerate() {
+        let parts = match mesh {
+            Described::Ready(parts) => parts.clone(),
+            Described::Shared(desc) => describe::meshes(desc, data.materials.len())
+                .map_err(|f| Fault::new(f.code, format!("mesh {id}: {}", f.message)))?,
+        };
+        let first = data.geometry.meshes.len() as u32;
+        numbers.push(first..first + parts.len() as u32);
+        data.geometry.meshes.extend(parts.into_iter().map(Arc::new));
+    }
+    for (mesh, to_world) in &draft.instances {
+        data.geometry.instances.extend(numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }));
+    }
+    let (hashes, hash) = (data.hashes(), data.hash());
+    let (scene, warnings) = Scene::new(data, device.backend)?;
+    warnings.iter().for_each(|w| device.warn(w));
+    Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
+}
+
+/// Makes an empty scene; the caller owns a reference to it. Describe it or read it from a file, then commit it.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_new(device: lumi_device, out: *mut lumi_scene) -> lumi_error {
+    guard("lumi_scene_new", || {
+        clear(out)?;
+        let device = borrow::<DeviceObject>(device)?.arc().clone();
+        let touched = Touched { log: device.touched.log.clone(), broken: Arc::default() };
+        publish(Arc::new(SceneObject { touched, device, draft: Mutex::default(), committed: OnceLock::new() }), out)
+    })
+}
+
+/// Adds a reference.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_retain(scene: lumi_scene) {
+    guard_void("lumi_scene_retain", || retain::<SceneObject>(scene));
+}
+
+/// Drops a reference. Caches keep their scene. NULL is ignored.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
+    guard_void("lumi_scene_release", || release::<SceneObject>(scene));
+}
+
+/// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty.
+///
+/// `path`: UTF-8.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_load_gltf(scene: lumi_scene, path: *const c_char) -> lumi_error {
+    guard("lumi_scene_load_gltf", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let path = text(path, "path")?;
+        let mut draft = scene.draft()?;
+        let data = &draft.data;
+        if !(data.geometry.meshes.is_empty() && data.materials.is_empty() && data.textures.is_empty() && draft.meshes.is_empty())
+        {
+            return Err(Fault::operation("the scene is not empty: read the file before anything else"));
+        }
+        let lights = std::mem::take(&mut draft.data.punctual);
+        let environment = draft.data.environment.take();
+        let loaded = scene.device.pool.install(|| import::gltf(Path::new(path), &ImportOptions::default()));
+        match loaded {
+            Ok(data) => {
+                draft.data = data;
+                draft.data.punctual.extend(lights);
+                draft.data.environment = environment.or(draft.data.environment.take());
+                Ok(())
+            }
+            Err(error) => {
+                (draft.data.punctual, draft.data.environment) = (lights, environment);
+                Err(error.into())
+            }
+        }
+    })
+}
+
+/// Adds a mesh and gives its number, from 0. It is seen where lumi_scene_add_instance places it.
+///
+/// `id`: receives the number; may be NULL.
+///
+/// Threads: one per scene. Buffers are copied, unless their view says LUMI_VIEW_SHARED.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_add_mesh(scene: lumi_scene, mesh: *const lumi_mesh_desc, id: *mut u32) -> lumi_error {
+    guard("lumi_scene_add_mesh", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let desc = read(mesh, "the mesh")?;
+        let mut draft = scene.draft()?;
+        let views = [desc.positions, desc.indices, desc.normals, desc.uv0, desc.colors, desc.triangle_materials];
+        let shared = views.iter().any(|v| v.flags & LUMI_VIEW_SHARED != 0);
+        let described =
+            if shared { Described::Shared(desc) } else { Described::Ready(describe::meshes(&desc, draft.data.materials.len())?) };
+        draft.meshes.push(described);
+        give(id, draft.meshes.len())
+    })
+}
+
+/// Writes the number of the last of `count` things.
+fn give(id: *mut u32, count: usize) -> Outcome {
+    if !id.is_null() {
+        // SAFETY: the caller passes NULL or the address of a number.
+        unsafe { id.write(count as u32 - 1) };
+    }
+    Ok(())
+}
+
+/// Places a mesh that lumi_scene_add_mesh has numbered.
+///
+/// `to_world`: 12 floats: the x, y and z axis and the origin of the mesh in the world, three each; may mirror. NULL: where it is.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_add_instance(scene: lumi_scene, mesh: u32, to_world: *const f32) -> lumi_error {
+    guard("lumi_scene_add_instance", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        if mesh as usize >= draft.meshes.len() {
+            return Err(Fault::argument(format!("there is no mesh {mesh}: there are {}", draft.meshes.len())));
+        }
+        let to_world = match Input::<f32, 12>::new(to_world, 1, 0, "to_world")? {
+            Some(floats) => describe::transform(&floats.get(0), "to_world")?,
+            None => Affine3A::IDENTITY,
+        };
+        draft.instances.push((mesh, to_world));
+        Ok(())
+    })
+}
+
+/// Fills `material` with the defaults: diffuse grey of albedo 0.8 under a dielectric of roughness 0.5, no textures.
+///
+/// `material`: its struct_size is set too.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_material_init(material: *mut lumi_material_desc) -> lumi_error {
+    guard("lumi_material_init", || {
+        if material.is_null() {
+            return Err(Fault::argument("the material is NULL"));
+        }
+        // SAFETY: not NULL; the caller passes room for the first version of the struct, which is what is written.
+        unsafe { material.write_unaligned(describe::default_material()) };
+        Ok(())
+    })
+}
+
+/// Adds a material and gives its number, from 0.
+///
+/// `id`: receives the number; may be NULL.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_add_material(
+    scene: lumi_scene,
+    material: *const lumi_material_desc,
+    id: *mut u32,
+) -> lumi_error {
+    guard("lumi_scene_add_material", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        let material = describe::material(&read(material, "the material")?, draft.data.textures.len())?;
+        draft.data.materials.push(material);
+        give(id, draft.data.materials.len())
+    })
+}
+
+/// Adds a texture and gives its number, from 0. Its pixels are copied.
+///
+/// `id`: receives the number; may be NULL.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_add_texture(
+    scene: lumi_scene,
+    texture: *const lumi_texture_desc,
+    id: *mut u32,
+) -> lumi_error {
+    guard("lumi_scene_add_texture", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        draft.data.textures.push(describe::texture(&read(texture, "the texture")?)?);
+        give(id, draft.data.textures.len())
+    })
+}
+
+/// Adds a point, spot or directional light.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_add_light(scene: lumi_scene, light: *const lumi_light_desc) -> lumi_error {
+    guard("lumi_scene_add_light", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        draft.data.punctual.push(describe::light(&read(light, "the light")?)?);
+        Ok(())
+    })
+}
+
+/// Sets the light from infinity, an equirectangular map; a map of one pixel is the same from everywhere.
+///
+/// `rgb`: 3 * width * height floats, row by row from the zenith (+y); copied. NaN and negative values count as 0. NULL: no environment.
+/// `to_map`: 9 floats, the columns of the rotation from the world to the map; NULL: none, and the middle column of the map is seen along +x, +z to its right.
+///
+/// Threads: one per scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_set_environment(
+    scene: lumi_scene,
+    rgb: *const f32,
+    width: u32,
+    height: u32,
+    to_map: *const f32,
+) -> lumi_error {
+    guard("lumi_scene_set_environment", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        if rgb.is_null() {
+            draft.data.environment = None;
+            return Ok(());
+        }
+        let count = width as usize * height as usize;
+        if count == 0 || count > 1 << 28 {
+            return Err(Fault::argument(format!("an environment of {width} x {height} pixels is not possible")));
+        }
+        let pixels = Input::<f32, 3>::required(rgb, count, 0, "rgb")?;
+        let rotation = match Input::<f32, 9>::new(to_map, 1, 0, "to_map")? {
+            Some(floats) => Mat3::from_cols_array(&floats.get(0)),
+            None => Mat3::IDENTITY,
+        };
+        let error =
+            (rotation * rotation.transpose() - Mat3::IDENTITY).to_cols_array().iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+        if !rotation.is_finite() || error > 1e-3 {
+            return Err(Fault::argument("to_map is no rotation"));
+        }
+        let pixels = pixels.iter().map(Color::from).collect();
+        let from_world = Affine3A::from_mat3(rotation);
+        draft.data.environment = Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world });
+        Ok(())
+    })
+}
+
+/// Says that the host keeps geometry and shading; the scene must be empty and stays so.
+///
+/// Threads: one per scene. `host->user` must stay valid until the last cache of the scene is released.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_set_host(scene: lumi_scene, host: *const lumi_host_desc) -> lumi_error {
+    guard("lumi_scene_set_host", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let mut draft = scene.draft()?;
+        let data = &draft.data;
+        let empty =
+            data.geometry.meshes.is_empty() && data.materials.is_empty() && data.textures.is_empty() && draft.meshes.is_empty();
+        if !empty || !data.punctual.is_empty() || data.environment.is_some() {
+            return Err(Fault::operation("the scene has geometry, materials or lights: it is not the host's"));
+        }
+        draft.host = Some(Host::new(&read(host, "the host")?)?);
+        Ok(())
+    })
+}
+
+/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure it is as before. A scene without any light gets a neutral dome, and the log says so.
+///
+/// Threads: one per scene; the work is done on the device's threads.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_commit(scene: lumi_scene) -> lumi_error {
+    guard("lumi_scene_commit", || borrow::<SceneObject>(scene)?.commit())
+}
+
+fn c_text<const N: usize>(text: &str) -> [c_char; N] {
+    let mut out = [0; N];
+    for (to, from) in out[..N - 1].iter_mut().zip(text.bytes()) {
+        *to = from as c_char;
+    }
+    out
+}
+
+/// Facts about a committed scene.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_get_info(scene: lumi_scene, info: *mut lumi_scene_info) -> lumi_error {
+    guard("lumi_scene_get_info", || {
+        let scene = borrow::<SceneObject>(scene)?;
+        let committed = scene.committed()?;
+        let (triangles, cameras, backend) = match &committed.world {
+            World::Own(s) => (s.geometry().triangle_count(), s.cameras().len(), s.accel().version()),
+            World::Host(_) => (0, 0, "host".to_owned()),
+        };
+        let value = lumi_scene_info {
+            struct_size: 0,
+            reserved: 0,
+            bounds_min: committed.bounds.min.to_array(),
+            bounds_max: committed.bounds.max.to_array(),
+            triangles: triangles as u64,
+            cameras: cameras as u64,
+            hash: c_text(&committed.hash),
+            backend: c_text(&backend),
+        };
+        write(info, value, "the info")
+    })
+}
+
+/// Traces rays into a scene of our own and says what they hit first.
+///
+/// Threads: any; the work is done on the calling thread.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_scene_trace(scene: lumi_scene, rays: *const lumi_trace_desc) -> lumi_error {
+    guard("lumi_scene_trace", || {
+        let object: Borrowed<SceneObject> = borrow(scene)?;
+        let desc = read(rays, "the rays")?;
+        let scene = object.own()?;
+        let n = desc.n;
+        let origins = Input::<f32, 3>::required(desc.origin, n, 0, "origin")?;
+        let dirs = Input::<f32, 3>::required(desc.dir, n, 0, "dir")?;
+        let mut distance = Output::<f32, 1>::new(desc.distance, n, 0, "distance")?;
+        let mut position = Output::<f32, 3>::new(desc.position, n, 0, "position")?;
+        let mut normal = Output::<f32, 3>::new(desc.normal, n, 0, "normal")?;
+        let mut geo_normal = Output::<f32, 3>::new(desc.geo_normal, n, 0, "geo_normal")?;
+        let mut albedo = Output::<f32, 3>::new(desc.albedo, n, 0, "albedo")?;
+        for i in 0..n {
+            let dir = dirs.vector(i);
+            let length = dir.length();
+            let ray = Ray::new(origins.vector(i), dir / length);
+            let found = scene.intersect(&ray, 0).map(|(mut point, t)| {
+                let bsdf = scene.shade(&mut point);
+                let albedo = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
+                (point, t / length, albedo)
+            });
+            let missed: SurfacePoint = surface_point(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
+            let (point, t, color) = found.unwrap_or((missed, f32::INFINITY, Color::ZERO));
+            let n = if t == f32::INFINITY { Vec3::ZERO } else { point.frame.n };
+            if let Some(o) = &mut distance {
+                o.set(i, [t]);
+            }
+            for (out, value) in
+                [(&mut position, point.position), (&mut normal, n), (&mut geo_normal, point.ng), (&mut albedo, color)]
+            {
+                if let Some(o) = out {
+                    o.set(i, value.to_array());
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The error of a file that cannot be named.
+pub(super) fn path<'a>(at: *const c_char) -> Outcome<&'a Path> {
+    let text = text(at, "path")?;
+    if text.is_empty() {
+        return Err(Error::InvalidArgument("the path is empty".into()).into());
+    }
+    Ok(Path::new(text))
+}

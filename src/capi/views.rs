@@ -1,0 +1,113 @@
+//! Arrays in the host's memory: checked once, then read and written by index.
+
+use super::status::{Fault, Outcome};
+use super::types::lumi_view;
+use crate::math::Vec3;
+
+/// Most elements of any array.
+const MAX_COUNT: usize = u32::MAX as usize;
+
+/// An array of `N` numbers per element to read.
+#[derive(Clone, Copy)]
+pub(super) struct Input<T, const N: usize> {
+    data: *const u8,
+    stride: usize,
+    count: usize,
+    _numbers: std::marker::PhantomData<T>,
+}
+
+/// An array of `N` numbers per element to write.
+#[derive(Clone, Copy)]
+pub(super) struct Output<T, const N: usize> {
+    data: *mut u8,
+    stride: usize,
+    count: usize,
+    _numbers: std::marker::PhantomData<T>,
+}
+
+// SAFETY: the host promises that the memory it passes stays readable until the call returns, and writes nothing to it meanwhile.
+unsafe impl<T: Sync, const N: usize> Sync for Input<T, N> {}
+// SAFETY: as above.
+unsafe impl<T: Send, const N: usize> Send for Input<T, N> {}
+
+/// The stride, and that all of the array can be in memory.
+fn check<T, const N: usize>(count: usize, stride: usize, what: &str) -> Outcome<usize> {
+    let element = size_of::<[T; N]>();
+    let stride = if stride == 0 { element } else { stride };
+    let end = count.saturating_sub(1).checked_mul(stride).and_then(|n| n.checked_add(element));
+    if count > MAX_COUNT || end.is_none_or(|n| n > isize::MAX as usize) {
+        return Err(Fault::argument(format!("{what}: {count} elements {stride} bytes apart are more than can be")));
+    }
+    if stride < element {
+        return Err(Fault::argument(format!("{what}: elements of {element} bytes cannot be {stride} bytes apart")));
+    }
+    Ok(stride)
+}
+
+impl<T: Copy, const N: usize> Input<T, N> {
+    /// `count` elements; `None` for NULL, an error if elements are wanted from there and it is `required`.
+    pub fn new(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
+        let stride = check::<T, N>(count, stride, what)?;
+        Ok((!data.is_null()).then_some(Self { data: data.cast(), stride, count, _numbers: std::marker::PhantomData }))
+    }
+
+    /// As [`Input::new`]; NULL is an error unless the array is empty.
+    pub fn required(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Self> {
+        let empty = Self { data: data.cast(), stride: 0, count: 0, _numbers: std::marker::PhantomData };
+        match Self::new(data, count, stride, what)? {
+            Some(input) => Ok(input),
+            None if count == 0 => Ok(empty),
+            None => Err(Fault::argument(format!("{what} is NULL"))),
+        }
+    }
+
+    /// A view whose format must be `format`; `None` if it is not there.
+    pub fn of_view(view: &lumi_view, format: u32, what: &str) -> Outcome<Option<Self>> {
+        if view.data.is_null() && view.count == 0 {
+            return Ok(None);
+        }
+        if view.format != format {
+            return Err(Fault::argument(format!("{what} has the format {}, expected {format}", view.format)));
+        }
+        Self::required(view.data.cast(), view.count, view.stride, what).map(Some)
+    }
+
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Element `i`.
+    #[inline]
+    pub fn get(&self, i: usize) -> [T; N] {
+        assert!(i < self.count);
+        // SAFETY: i is below the count that the host gave for this address and stride, and the extent was checked; alignment is not asked for.
+        unsafe { self.data.add(i * self.stride).cast::<[T; N]>().read_unaligned() }
+    }
+
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = [T; N]> + '_ {
+        (0..self.count).map(|i| self.get(i))
+    }
+}
+
+impl Input<f32, 3> {
+    #[inline]
+    pub fn vector(&self, i: usize) -> Vec3 {
+        self.get(i).into()
+    }
+}
+
+impl<T: Copy, const N: usize> Output<T, N> {
+    /// `count` elements; `None` for NULL.
+    pub fn new(data: *mut T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
+        let stride = check::<T, N>(count, stride, what)?;
+        Ok((!data.is_null()).then_some(Self { data: data.cast(), stride, count, _numbers: std::marker::PhantomData }))
+    }
+
+    /// Sets element `i`.
+    #[inline]
+    pub fn set(&mut self, i: usize, value: [T; N]) {
+        assert!(i < self.count);
+        // SAFETY: i is below the count that the host gave for this address and stride, and the extent was checked; alignment is not asked for.
+        unsafe { self.data.add(i * self.stride).cast::<[T; N]>().write_unaligned(value) };
+    }
+}
