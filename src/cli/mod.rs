@@ -2,6 +2,7 @@
 
 mod args;
 mod render;
+mod report;
 mod show;
 mod terminal;
 
@@ -34,6 +35,7 @@ pub fn main() -> ExitCode {
 fn run(command: Command) -> Result<Outcome> {
     match command {
         Command::Render(arguments) => return render::run(&arguments),
+        Command::Report(arguments) => return report::run(&arguments),
         Command::Presets { json } => show::presets(json)?,
         Command::Compare(arguments) => show::compare(&arguments)?,
         Command::Info { scene } => show::info(&scene)?,

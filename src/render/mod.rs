@@ -12,6 +12,7 @@ mod stats;
 
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher, frame};
+pub(crate) use frame::{camera_sample, pixel_order};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;
 pub use settings::{IntegratorKind, Settings};
