@@ -129,7 +129,7 @@ fn help_and_version() {
     let desk = Desk::new();
     assert_eq!(desk.print(&["--version"]), format!("lumicache {}\n", env!("CARGO_PKG_VERSION")));
     let help = desk.print(&["--help"]);
-    for command in ["render", "presets", "compare", "info", "bench", "completions", "man"] {
+    for command in ["render", "presets", "compare", "info", "bench", "report", "completions", "man"] {
         assert!(help.contains(&format!("\n  {command} ")), "--help does not list {command}");
         assert!(desk.print(&[command, "--help"]).contains("Usage: lumicache"), "{command} --help");
     }

@@ -39,6 +39,8 @@ pub enum Command {
         #[command(subcommand)]
         what: Bench,
     },
+    /// Compare caching schemes: as many records, as many rays for each, the error of the irradiance.
+    Report(Report),
     /// Print a script that completes these commands in a shell.
     Completions {
         /// The shell.
@@ -109,6 +111,48 @@ pub struct BenchAccel {
     /// The camera, by name or number.
     #[arg(long, value_name = "NAME|INDEX")]
     pub camera: Option<String>,
+}
+
+#[derive(Args)]
+pub struct Report {
+    /// The scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Folder for report.json, report.csv, index.html and the pictures; it is made if it is missing.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Names of presets, separated by commas.
+    #[arg(long, value_name = "LIST", default_value = "ward-heckbert92,krivanek06,auto")]
+    pub presets: String,
+    /// Numbers of records: for each the allowed error is sought that gives it within 5 %.
+    #[arg(long, value_name = "LIST", default_value = "500,1000,2000")]
+    pub records: String,
+    /// Rays per record.
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=1_000_000))]
+    pub rays: u32,
+    /// The reference.exr of an earlier report with the same picture, or auto to make one.
+    #[arg(long, value_name = "auto|REF.exr", default_value = "auto")]
+    pub reference: String,
+    /// Path-traced rays per pixel of the reference.
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
+    pub reference_rays: u32,
+    /// Size of the picture; by default 180 rows of the camera's aspect.
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// The camera, by name or number.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+    /// Most surface interactions after the camera hit; without it paths end by Russian roulette alone.
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Number of threads; all processors by default.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Seed of everything random.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// No progress.
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 #[derive(Args)]

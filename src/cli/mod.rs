@@ -3,6 +3,7 @@
 mod args;
 mod cache;
 mod render;
+mod report;
 mod show;
 mod terminal;
 
@@ -35,6 +36,7 @@ pub fn main() -> ExitCode {
 fn run(command: Command) -> Result<Outcome> {
     match command {
         Command::Render(arguments) => return render::run(&arguments),
+        Command::Report(arguments) => return report::run(&arguments),
         Command::Presets { json } => show::presets(json)?,
         Command::Compare(arguments) => show::compare(&arguments)?,
         Command::Info { scene } => show::info(&scene)?,

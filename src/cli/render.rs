@@ -172,7 +172,7 @@ fn default_output(scene: &Path) -> PathBuf {
     name.into()
 }
 
-fn threads(count: Option<usize>) -> Result<rayon::ThreadPool> {
+pub fn threads(count: Option<usize>) -> Result<rayon::ThreadPool> {
     if count == Some(0) || count.is_some_and(|n| n > 4096) {
         return Err(Error::InvalidArgument("--threads must be between 1 and 4096".into()));
     }
@@ -255,7 +255,7 @@ fn settings(arguments: &Render, scheme: Scheme, camera: Camera) -> Result<Settin
     })
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2]> {
+pub fn parse_size(text: &str) -> Result<[u32; 2]> {
     let parse = || {
         let (w, h) = text.split_once(['x', 'X'])?;
         Some([w.parse().ok()?, h.parse().ok()?])

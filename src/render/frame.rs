@@ -157,7 +157,7 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
 }
 
 /// The pixels of the window in the scheme's order.
-fn pixel_order(settings: &Settings) -> Vec<u32> {
+pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
     let [x0, y0, x1, y1] = settings.window;
     let width = x1 - x0;
     let mut order: Vec<u32> = (0..width * (y1 - y0)).collect();
@@ -171,7 +171,7 @@ fn pixel_order(settings: &Settings) -> Vec<u32> {
 }
 
 /// Sample `index` of pixel `p` of the window.
-fn camera_sample(settings: &Settings, p: u32, index: u32, limit: u32) -> CameraSample {
+pub(crate) fn camera_sample(settings: &Settings, p: u32, index: u32, limit: u32) -> CameraSample {
     let [x0, y0, x1, _] = settings.window;
     let width = x1 - x0;
     let (x, y) = (x0 + p % width, y0 + p / width);

@@ -13,6 +13,7 @@ mod stats;
 
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher, frame, frame_with};
+pub(crate) use frame::{camera_sample, pixel_order};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;
 pub use settings::{IntegratorKind, Settings};

@@ -1,0 +1,54 @@
+//! Schemes compared on equal terms.
+
+use crate::pictures::{build, cached, own};
+use lumicache::bench::report::{Plan, run};
+use lumicache::progress::Progress;
+use lumicache::render::Settings;
+use std::path::Path;
+
+fn plan(presets: &[&str], records: &[usize]) -> Plan {
+    let presets = presets.iter().map(|p| (*p).to_owned()).collect();
+    Plan { presets, records: records.to_vec(), rays: 64, reference_rays: 512, reference: None }
+}
+
+#[test]
+fn schemes_get_equally_many_records_and_their_errors_are_measured() {
+    let scene = build(own("cornell-box"));
+    let settings = cached(&scene, "auto", [48, 48], 1);
+    let folder = tempfile::tempdir().unwrap();
+    let go = |plan: &Plan, settings: &Settings| run(&scene, settings, plan, "a & b", folder.path(), &Progress::default());
+    // One pass and two, with refinement and without.
+    let first = plan(&["ward88", "krivanek06"], &[150, 300]);
+    let report = go(&first, &settings).unwrap();
+    assert_eq!(
+        report.rows.iter().map(|r| (r.preset.as_str(), r.wanted)).collect::<Vec<_>>(),
+        [("ward88", 150), ("ward88", 300), ("krivanek06", 150), ("krivanek06", 300)]
+    );
+    let noise = report.noise.unwrap();
+    for r in &report.rows {
+        assert!(r.equal && r.records.abs_diff(r.wanted) * 20 <= r.wanted, "{r:?}");
+        // Every error holds the reference's noise; the caching adds to it, but not so much that these were other pictures.
+        assert!(r.relmse > noise && r.relmse < 20.0 * noise && (r.mean_ratio.unwrap() - 1.0).abs() < 0.1, "noise {noise}, {r:?}");
+        assert_eq!(r.passes > 0, r.preset == "krivanek06");
+        assert!([&r.picture, &r.difference].iter().all(|p| folder.path().join(p).exists()));
+    }
+    assert!(report.points > 2000 && report.points < 48 * 48);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&read("report.json")).unwrap();
+    assert_eq!(json["rows"][1]["records"], report.rows[1].records);
+    assert_eq!(read("report.csv").lines().count(), 1 + report.rows.len());
+    let page = read("index.html");
+    assert!(page.contains("a &amp; b") && page.matches("data:image/png;base64,").count() == 1 + 2 * report.rows.len());
+
+    // The reference of one run serves another.
+    let again = Plan { reference: Some(folder.path().join("reference.exr")), ..plan(&["ward88"], &[150]) };
+    let row = go(&again, &settings).unwrap().rows.remove(0);
+    assert_eq!((row.records, row.rmse), (report.rows[0].records, report.rows[0].rmse));
+
+    let refused = |plan: &Plan, settings: &Settings| go(plan, settings).unwrap_err().to_string();
+    assert!(refused(&plan(&["nonsense"], &[10]), &settings).contains("nonsense"));
+    assert!(refused(&plan(&["ward88"], &[]), &settings).contains("numbers of records"));
+    assert!(refused(&plan(&["ward88"], &[10]), &Settings { max_bounces: 0, ..settings.clone() }).contains("bounces"));
+    let other = Plan { reference: Some(Path::new("missing.exr").into()), ..first };
+    assert!(refused(&other, &settings).contains("missing.exr"));
+}
