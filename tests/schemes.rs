@@ -35,7 +35,9 @@ fn a_larger_error_needs_fewer_records() {
             let scheme = quick(preset.scheme());
             let (cache, stats) = fill(&scene, Scheme { error: factor * scheme.error, ..scheme }, &points);
             let records = first(&cache).records().len();
-            assert_eq!(stats.gather_rays, cache.scheme().layout(0).rays() as u64 * (records as u64 + stats.retaken));
+            let layout = cache.scheme().layout(0);
+            let (once, again) = (layout.rays() as u64, layout.with_rays(4 * layout.rays() as u32).rays() as u64);
+            assert_eq!(stats.gather_rays, once * (records as u64 + stats.retaken) + again * stats.noisy);
             records
         };
         let counts = [0.5, 1.0, 2.0].map(count);

@@ -39,6 +39,8 @@ pub struct FillStats {
     pub hits: u64,
     /// Records made anew away from an edge because they had missed what two neighbours saw.
     pub retaken: u64,
+    /// Records gathered again with more rays because they were noisy.
+    pub noisy: u64,
     /// Passes of refinement, 0 where none was asked for.
     pub passes: u32,
     /// How often refinement lowered the allowed error of a record.
@@ -54,6 +56,7 @@ impl FillStats {
         self.lookups += later.lookups;
         self.hits += later.hits;
         self.retaken += later.retaken;
+        self.noisy += later.noisy;
         self.passes += later.passes;
         self.reductions += later.reductions;
     }
@@ -86,6 +89,8 @@ pub(super) struct Filling<'a> {
     /// The reach when the level is filled.
     shading_reach: Reach,
     pub records: Vec<Record>,
+    /// Where the last of the records were gathered, as many as were made here.
+    origins: Vec<SurfacePoint>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
     indexed: usize,
@@ -141,6 +146,7 @@ impl Cache {
                 round *= 4;
             }
         }
+        filling.regather_noisy();
         // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
         for _ in 0..LAST_ROUNDS {
             let before = filling.records.len();
@@ -183,6 +189,7 @@ impl<'a> Filling<'a> {
             index: cache.index(&records, reach),
             indexed: records.len(),
             records,
+            origins: Vec::new(),
             fresh: cache.index(&[], reach),
             envelope,
             nearest: None,
@@ -276,21 +283,71 @@ impl<'a> Filling<'a> {
 
     /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all records to each other.
     pub fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
-        let made: Vec<(Record, bool)> = chosen
+        let made: Vec<(Record, SurfacePoint, bool)> = chosen
             .par_iter()
             .map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize]))
-            .map(|(record, retaken)| (Record { error: self.error_of_new(record.position), ..record }, retaken))
+            .map(|(record, at, retaken)| (Record { error: self.error_of_new(record.position), ..record }, at, retaken))
             .collect();
         let rays = self.cache.scheme.layout(self.level).rays() as u64;
-        for (record, retaken) in made {
+        for (record, at, retaken) in made {
             self.stats.gather_rays += rays * (1 + u64::from(retaken));
             self.stats.retaken += u64::from(retaken);
             self.records.push(record);
+            self.origins.push(at);
         }
+        self.settle();
+    }
+
+    /// Tells all records of each other, after some were made.
+    fn settle(&mut self) {
         self.survey(self.nearest.is_some());
         if self.cache.scheme.neighbour_clamp {
             clamp_to_neighbours(&mut self.records, &self.envelope);
         }
+    }
+
+    /// Gathers again, with more rays, where the records of the first level are noisy. Deeper ones are averaged by the gathers that read them.
+    ///
+    /// A record is judged together with those around it. By its own samples alone it would be kept where they happened to miss a small bright light, which makes them look
+    /// clean, and thrown away where they happened to find it: the picture would become darker.
+    fn regather_noisy(&mut self) {
+        let scheme = &self.cache.scheme;
+        if self.level > 0 || scheme.noise <= 0.0 {
+            return;
+        }
+        let index = self.cache.index(&self.records, self.shading_reach);
+        let first = self.records.len() - self.origins.len();
+        let noisy = |at: &SurfacePoint| {
+            let [mut variance, mut square] = [0.0; 2];
+            index.near(at, |id| {
+                let record = &self.records[id as usize];
+                variance += record.sigma * record.sigma;
+                square += luminance(record.irradiance).powi(2);
+            });
+            variance > scheme.noise * scheme.noise * square
+        };
+        let layout = scheme.layout(self.level);
+        let layout = layout.with_rays(MORE_RAYS * layout.rays() as u32);
+        let again: Vec<(usize, Record)> = self
+            .origins
+            .par_iter()
+            .enumerate()
+            .filter(|(_, at)| noisy(at))
+            .map_init(
+                || HemisphereSamples::new(layout, scheme.density),
+                |samples, (k, at)| {
+                    samples.gather(self.probe, at, self.level, self.cache, hash(&[self.seed_at(at), 1]));
+                    let record = Record::new(scheme, &self.shading_reach, at, samples);
+                    (first + k, Record { error: self.records[first + k].error, ..record })
+                },
+            )
+            .collect();
+        self.stats.noisy += again.len() as u64;
+        self.stats.gather_rays += (again.len() * layout.rays()) as u64;
+        for (id, record) in again {
+            self.records[id] = record;
+        }
+        self.settle();
     }
 
     fn samples(&self) -> HemisphereSamples {
@@ -298,17 +355,17 @@ impl<'a> Filling<'a> {
         HemisphereSamples::new(scheme.layout(self.level), scheme.density)
     }
 
-    /// The record of a gather at `at`, and whether it had to be taken again.
-    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> (Record, bool) {
+    /// The record of a gather at `at`, where it was made, and whether it had to be taken again there.
+    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> (Record, SurfacePoint, bool) {
         let record = self.gather(samples, at);
         if !self.cache.scheme.neighbour_clamp {
-            return (record, false);
+            return (record, *at, false);
         }
         // Rays that slip through a crack beside the point see too far. Two neighbours that see much nearer things give it away; the gather is repeated a little
         // towards them, inside the surface that they share [Krivanek06, Sec. 5.2].
         let neighbours = self.envelope.lowest_two(at.position);
         if record.length_unclamped <= LEAK * neighbours[1].value {
-            return (record, false);
+            return (record, *at, false);
         }
         let [a, b] = neighbours.map(|n| self.records[n.id as usize].position);
         let towards = 0.5 * (a + b) - at.position;
@@ -318,21 +375,16 @@ impl<'a> Filling<'a> {
         let again = self.gather(samples, &moved);
         // Where shading normals lean far from the surface the point may lie behind its own record: better a short record than none.
         let valid = again.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
-        (if valid { again } else { record }, true)
+        if valid { (again, moved, true) } else { (record, *at, true) }
     }
 
     fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {
-        let scheme = &self.cache.scheme;
+        samples.gather(self.probe, at, self.level, self.cache, self.seed_at(at));
+        Record::new(&self.cache.scheme, &self.shading_reach, at, samples)
+    }
+
+    fn seed_at(&self, at: &SurfacePoint) -> u64 {
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
-        let seed = hash(&[self.seed, p[0], p[1], p[2]]);
-        samples.gather(self.probe, at, self.level, self.cache, seed);
-        // Deeper records are averaged by the gathers that read them.
-        if self.level == 0 && scheme.noise > 0.0 && samples.sigma() > scheme.noise * luminance(samples.irradiance()) {
-            let rays = MORE_RAYS * samples.layout().rays() as u32;
-            let mut more = HemisphereSamples::new(samples.layout().with_rays(rays), scheme.density);
-            more.gather(self.probe, at, self.level, self.cache, hash(&[seed, 1]));
-            return Record::new(scheme, &self.shading_reach, at, &more);
-        }
-        Record::new(scheme, &self.shading_reach, at, samples)
+        hash(&[self.seed, p[0], p[1], p[2]])
     }
 }

@@ -227,6 +227,11 @@ impl Index {
         }
     }
 
+    /// Calls `visit` with the number of every record valid at `at`.
+    pub fn near(&self, at: &SurfacePoint, mut visit: impl FnMut(u32)) {
+        self.valid(at, u32::MAX, |e, _| visit(e.id));
+    }
+
     /// True if some record is valid at `at`.
     pub fn covers(&self, at: &SurfacePoint) -> bool {
         let mut covered = false;

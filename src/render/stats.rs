@@ -24,6 +24,7 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
                     "fill_lookups": fill.lookups,
                     "fill_hits": fill.hits,
                     "retaken": fill.retaken,
+                    "noisy": fill.noisy,
                     "passes": fill.passes,
                     "reductions": fill.reductions,
                 }))
