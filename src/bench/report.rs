@@ -106,6 +106,9 @@ struct Experiment<'a> {
     progress: &'a Progress,
 }
 
+/// Logarithms of a scale and of the number of records that it gives.
+type Sample = Option<(f64, f64)>;
+
 /// A filled cache, and for each pixel the number of records that it may use.
 struct Attempt {
     cache: Cache,
@@ -225,8 +228,8 @@ impl Experiment<'_> {
     fn search(&self, base: &Scheme, wanted: usize, scale: &mut f32) -> Result<Attempt> {
         let target = (wanted as f64).ln();
         let mut x = f64::from(*scale).ln();
-        // Logarithms of scale and number on both sides of the target.
-        let (mut many, mut few): (Option<(f64, f64)>, Option<(f64, f64)>) = (None, None);
+        // The latest samples on both sides of the target.
+        let (mut many, mut few): (Sample, Sample) = (None, None);
         let mut best: Option<(f64, Attempt)> = None;
         for _ in 0..ATTEMPTS {
             let attempt = self.attempt(base, x.exp() as f32)?;
