@@ -21,6 +21,7 @@ mod leaks; // thin walls
 mod lights; // light sampling
 mod malformed; // files that must fail, cleanly
 mod pictures; // rendering inside the tests
+mod radiance; // radiance coefficients, their gradients, tables of lobes
 mod scenes; // our own scenes
 mod schemes; // every preset
 mod scotty3d; // what a second pass and the rotational gradient are worth

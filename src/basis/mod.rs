@@ -23,6 +23,7 @@ pub use tilt::Tilt;
 
 use crate::math::{DVec3, Vec3};
 use glam::DMat3;
+use serde::{Deserialize, Serialize};
 
 /// Directions that [`Basis::values`] takes at once.
 pub const LANES: usize = 8;
@@ -62,6 +63,43 @@ pub trait Basis: Send + Sync {
 
     /// All functions at one unit direction with their first derivatives, and with the second ones if `hessians` is set. Double precision: second derivatives of high bands cancel.
     fn jets(&self, w: DVec3, hessians: bool, out: &mut [Jet]);
+}
+
+/// Which basis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BasisKind {
+    /// Hemispherical harmonics, in the local frame.
+    Hsh,
+    /// Spherical harmonics.
+    Sh,
+}
+
+impl BasisKind {
+    /// The basis with the bands below `order`, which is in 1 ..= [`MAX_ORDER`].
+    pub fn basis(self, order: usize) -> Box<dyn Basis> {
+        match self {
+            Self::Hsh => Box::new(Hsh::new(order)),
+            Self::Sh => Box::new(Sh::new(order)),
+        }
+    }
+}
+
+/// The zonal factors T_lm, 0 ≤ m ≤ l, at the angle with the cosine `z`, in the order of [`triangle`]; `out` is overwritten.
+pub fn zonal_factors(basis: &dyn Basis, z: &[f32; LANES], out: &mut Vec<Lane>) {
+    // What the functions are at azimuth 0.
+    let mut values = vec![Lane::default(); basis.count()];
+    basis.values(&z.map(|z| Vec3::new((1.0 - z * z).max(0.0).sqrt(), 0.0, z)), &mut values);
+    out.clear();
+    for l in 0..basis.order() {
+        out.extend((0..=l).map(|m| values[index(l, m as i32)]));
+    }
+}
+
+/// Index of (l, m), 0 ≤ m ≤ l, among the functions without those of negative m.
+#[inline]
+pub fn triangle(l: usize, m: usize) -> usize {
+    l * (l + 1) / 2 + m
 }
 
 /// Index of function (l, m).

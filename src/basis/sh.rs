@@ -1,6 +1,6 @@
 //! Real spherical harmonics.
 
-use super::{Basis, Jet, LANES, Lane, MAX_ORDER, index};
+use super::{Basis, Jet, LANES, Lane, MAX_ORDER, index, triangle};
 use crate::math::{DVec3, Vec3};
 use glam::DMat3;
 use std::f64::consts::PI;
@@ -14,12 +14,6 @@ pub struct Sh {
     steps: Vec<[f32; 2]>,
     /// Normalisation of the unnormalised Legendre derivatives, by `triangle(l, m)`.
     norms: Vec<f64>,
-}
-
-/// Index of (l, m) with 0 ≤ m ≤ l.
-#[inline]
-fn triangle(l: usize, m: usize) -> usize {
-    l * (l + 1) / 2 + m
 }
 
 impl Sh {

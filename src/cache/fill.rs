@@ -1,8 +1,9 @@
 //! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
 
+use super::radiance::{Maker, Radiance, RadiancePoints};
 use super::{Cache, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
-use crate::gather::{HemisphereSamples, RadianceProbe};
+use crate::gather::{Deeper, HemisphereSamples, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
@@ -46,16 +47,28 @@ const LEAK: f32 = 4.0;
 /// A noisy record is gathered again with this multiple of the rays.
 const MORE_RAYS: u32 = 4;
 
+/// A record with its radiance, if it has any.
+struct Made {
+    record: Record,
+    radiance: Option<Radiance>,
+}
+
 /// One level while it fills.
 struct Filling<'a> {
     cache: &'a Cache,
     probe: &'a dyn RadianceProbe,
+    /// Where gathers find indirect light.
+    deeper: &'a dyn Deeper,
+    /// What makes the radiance of records, if they have any.
+    maker: Option<&'a Maker>,
     level: u8,
     seed: u64,
     reach: Reach,
     /// The reach when the level is filled.
     shading_reach: Reach,
     records: Vec<Record>,
+    /// Their radiance, if they have any.
+    radiance: Vec<Radiance>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
     indexed: usize,
@@ -81,29 +94,27 @@ impl Cache {
         progress: &Progress,
     ) -> Result<FillStats> {
         let mut filling = Filling::new(self, probe, level, seed);
-        let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
-        while begin < points.points.len() {
-            let end = points.points.len().min(begin + round);
-            filling.round(&points.points[begin..end], progress)?;
-            let births = filling.records.len() as u32;
-            filling.stats.births.resize(end, births);
-            begin = end;
-            if points.round == 0 {
-                round *= 4;
-            }
-        }
-        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
-        for _ in 0..LAST_ROUNDS {
-            let before = filling.records.len();
-            filling.reindex(true);
-            filling.round(&points.points, progress)?;
-            if filling.records.len() == before {
-                break;
-            }
-        }
+        filling.run(points, &[], progress)?;
         let Filling { records, stats, .. } = filling;
         self.levels[usize::from(level)] = Some(self.finish(level, records));
         Ok(stats)
+    }
+
+    /// As [`Cache::fill`] of the first level, with the radiance that `maker` makes of each gather; returns that, by the ids of the records. Indirect light at the hits comes from `deeper`.
+    pub(super) fn fill_radiance(
+        &mut self,
+        probe: &dyn RadianceProbe,
+        points: &RadiancePoints,
+        deeper: &Cache,
+        maker: &Maker,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<(Vec<Radiance>, FillStats)> {
+        let mut filling = Filling { deeper, maker: Some(maker), ..Filling::new(self, probe, 0, hash(&[seed, 3])) };
+        filling.run(&points.points, &points.orders, progress)?;
+        let Filling { records, radiance, stats, .. } = filling;
+        self.levels[0] = Some(self.finish(0, records));
+        Ok((radiance, stats))
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
@@ -112,7 +123,7 @@ impl Cache {
         Level { records, index }
     }
 
-    fn shading_reach(&self, level: u8) -> Reach {
+    pub(super) fn shading_reach(&self, level: u8) -> Reach {
         Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing)
     }
 
@@ -127,11 +138,14 @@ impl<'a> Filling<'a> {
         Self {
             cache,
             probe,
+            deeper: cache,
+            maker: None,
             level,
             seed: hash(&[seed, u64::from(level)]),
             reach,
             shading_reach: cache.shading_reach(level),
             records: Vec::new(),
+            radiance: Vec::new(),
             index: cache.index(&[], reach),
             indexed: 0,
             fresh: cache.index(&[], reach),
@@ -140,8 +154,33 @@ impl<'a> Filling<'a> {
         }
     }
 
+    /// Rounds over all points, then over those that clamping has uncovered. `orders` are those of the points' radiance, if they need any.
+    fn run(&mut self, points: &LevelPoints, orders: &[u8], progress: &Progress) -> Result<()> {
+        let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
+        while begin < points.points.len() {
+            let end = points.points.len().min(begin + round);
+            self.round(&points.points[begin..end], orders.get(begin..end).unwrap_or(&[]), progress)?;
+            let births = self.records.len() as u32;
+            self.stats.births.resize(end, births);
+            begin = end;
+            if points.round == 0 {
+                round *= 4;
+            }
+        }
+        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
+        for _ in 0..LAST_ROUNDS {
+            let before = self.records.len();
+            self.reindex(true);
+            self.round(&points.points, orders, progress)?;
+            if self.records.len() == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// Covers `points`: again and again the uncovered ones are found, some far enough from each other are given records, in parallel, until none is left.
-    fn round(&mut self, points: &[SurfacePoint], progress: &Progress) -> Result<()> {
+    fn round(&mut self, points: &[SurfacePoint], orders: &[u8], progress: &Progress) -> Result<()> {
         let mut pending: Vec<u32> = (0..points.len() as u32).collect();
         loop {
             if progress.is_cancelled() {
@@ -156,7 +195,7 @@ impl<'a> Filling<'a> {
                 return Ok(());
             }
             let chosen = self.choose(points, &pending);
-            self.make_records(points, &chosen);
+            self.make_records(points, orders, &chosen);
             // A point that was given a record is done, whatever the index says of it.
             pending.retain(|i| chosen.binary_search(i).is_err());
             self.stats.hits += chosen.len() as u64;
@@ -202,14 +241,20 @@ impl<'a> Filling<'a> {
         chosen
     }
 
-    fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
-        let made: Vec<(Record, bool)> =
-            chosen.par_iter().map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize])).collect();
+    fn make_records(&mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32]) {
+        let made: Vec<(Made, bool)> = chosen
+            .par_iter()
+            .map_init(
+                || self.samples(),
+                |samples, &i| self.record(samples, &points[i as usize], orders.get(i as usize).copied().unwrap_or(0)),
+            )
+            .collect();
         let rays = self.cache.scheme.layout(self.level).rays() as u64;
-        for (record, retaken) in made {
+        for (made, retaken) in made {
             self.stats.gather_rays += rays * (1 + u64::from(retaken));
             self.stats.retaken += u64::from(retaken);
-            self.records.push(record);
+            self.records.push(made.record);
+            self.radiance.extend(made.radiance);
         }
         self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
         if self.cache.scheme.neighbour_clamp {
@@ -225,36 +270,48 @@ impl<'a> Filling<'a> {
     }
 
     /// The record of a gather at `at`, and whether it had to be taken again.
-    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> (Record, bool) {
-        let record = self.gather(samples, at);
+    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> (Made, bool) {
+        let made = self.gather(samples, at, order);
         if !self.cache.scheme.neighbour_clamp {
-            return (record, false);
+            return (made, false);
         }
+        let record = &made.record;
         // Rays that slip through a crack beside the point see too far. Two neighbours that see much nearer things give it away; the gather is repeated a little
         // towards them, inside the surface that they share [Krivanek06, Sec. 5.2].
         let neighbours = self.envelope.lowest_two(at.position);
         if record.length_unclamped <= LEAK * neighbours[1].value {
-            return (record, false);
+            return (made, false);
         }
         let [a, b] = neighbours.map(|n| self.records[n.id as usize].position);
         let towards = 0.5 * (a + b) - at.position;
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
-        (self.gather(samples, &moved), true)
+        (self.gather(samples, &moved, order), true)
     }
 
-    fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {
+    fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
         let scheme = &self.cache.scheme;
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
         let seed = hash(&[self.seed, p[0], p[1], p[2]]);
-        samples.gather(self.probe, at, self.level, self.cache, seed);
+        samples.gather(self.probe, at, self.level, self.deeper, seed);
         if scheme.noise > 0.0 && samples.sigma() > scheme.noise * luminance(samples.irradiance()) {
             let rays = MORE_RAYS * samples.layout().rays() as u32;
             let mut more = HemisphereSamples::new(samples.layout().with_rays(rays), scheme.density);
-            more.gather(self.probe, at, self.level, self.cache, hash(&[seed, 1]));
-            return Record::new(scheme, &self.shading_reach, at, &more);
+            more.gather(self.probe, at, self.level, self.deeper, hash(&[seed, 1]));
+            return self.made(&more, at, order);
         }
-        Record::new(scheme, &self.shading_reach, at, samples)
+        self.made(samples, at, order)
+    }
+
+    /// What the finished gather `samples` at `at` makes.
+    fn made(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
+        let mut record = Record::new(&self.cache.scheme, &self.shading_reach, at, samples);
+        let radiance = self.maker.map(|m| m.make(samples, order));
+        if let Some(radiance) = radiance.as_ref().filter(|_| self.cache.scheme.gradient_clamp) {
+            record.length_unclamped = record.length_unclamped.min(radiance.length());
+            record.length = record.length_unclamped;
+        }
+        Made { record, radiance }
     }
 }

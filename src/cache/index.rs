@@ -57,6 +57,18 @@ pub struct Index {
     tolerance: f32,
 }
 
+/// A record that is valid at a point.
+pub(super) struct Valid {
+    pub id: u32,
+    /// From the record to the point.
+    pub offset: Vec3,
+    pub weight: f32,
+    /// Its error as a share of the allowed one.
+    pub error: f32,
+    /// Its irradiance extrapolated to the point.
+    pub irradiance: Color,
+}
+
 /// Interpolated irradiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
@@ -193,22 +205,31 @@ impl Index {
         covered
     }
 
-    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92]. `None` where no record is valid.
-    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
-        let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
+    /// Calls `visit` for every record with an id below `limit` that is valid at `at`, weighed and extrapolated.
+    #[inline]
+    pub(super) fn visit(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(Valid)) {
         self.valid(at, limit, |e, error| {
-            let w = match self.weight {
+            let weight = match self.weight {
                 // The bound keeps a point on a record finite; the record then outweighs all others.
                 Weight::Inverse => 1.0 / error.max(1e-6),
                 Weight::InverseMinusOne => 1.0 / error.max(1e-6) - 1.0,
                 Weight::Hat => 1.0 - error,
             };
             let p = &self.payloads[e.id as usize];
-            let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * (at.position - e.position);
-            sum += w * value.max(Color::ZERO);
-            weights += w;
-            errors += w * error;
+            let offset = at.position - e.position;
+            let value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + p.translation * offset;
+            visit(Valid { id: e.id, offset, weight, error, irradiance: value.max(Color::ZERO) });
+        });
+    }
+
+    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
+    /// [WardHeckbert92]. `None` where no record is valid.
+    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+        let (mut sum, mut weights, mut errors, mut records) = (Color::ZERO, 0.0, 0.0, 0);
+        self.visit(at, limit, |v| {
+            sum += v.weight * v.irradiance;
+            weights += v.weight;
+            errors += v.weight * v.error;
             records += 1;
         });
         (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, records })

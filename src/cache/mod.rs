@@ -8,6 +8,7 @@ mod envelope;
 mod fence;
 mod fill;
 mod index;
+mod radiance;
 mod record;
 mod scheme;
 
@@ -15,6 +16,7 @@ pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
 pub use fill::{FillStats, LevelPoints};
 pub use index::{Answer, Index};
+pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
 pub use record::{Reach, Record};
 pub use scheme::{Kernel, Metric, Order, PRESETS, Preset, Scheme, Strata, Weight};
 

@@ -7,9 +7,11 @@
 mod estimate;
 mod gradient;
 mod layout;
+mod radiance;
 
 pub use gradient::{Gradient, TranslationalGradient};
 pub use layout::{Density, Layout};
+pub use radiance::{Coefficients, RadianceGradient};
 
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3};

@@ -5,7 +5,7 @@ mod path;
 mod points;
 mod probe;
 
-pub use cached::CachedIntegrator;
+pub use cached::{CachedIntegrator, Gloss};
 pub use path::{Origin, PathTracer, Start};
 pub use probe::{Counts, SceneProbe};
 
@@ -124,6 +124,8 @@ pub struct Shaded {
     pub surface: Option<Surface>,
     /// Source of the indirect light.
     pub status: Status,
+    /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors apart; `None` too where the path tracer makes the pixels.
+    pub gloss: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
     /// Number of records that took part.

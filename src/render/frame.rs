@@ -1,11 +1,12 @@
 //! One frame: the cache is filled, then every pixel is shaded.
 
 use super::settings::{IntegratorKind, Settings};
-use crate::cache::{Cache, FillStats, LevelPoints, Order};
+use crate::cache::{Cache, FillStats, LevelPoints, Order, RadianceCache, RadiancePoints};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded};
+use crate::integrator::{self, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded};
+use crate::material::tables::{GlossyTables, TableSettings, TableStore};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
@@ -21,6 +22,16 @@ const PASS: u32 = 16;
 /// Shading points of the deeper levels, per level.
 const DEEPER_POINTS: usize = 16_384;
 
+/// What served the glossy lobes of low frequency.
+pub struct Gloss {
+    /// Those lobes in harmonics.
+    pub tables: GlossyTables,
+    /// Records of the light that reaches them.
+    pub records: RadianceCache,
+    /// What their fill did.
+    pub fill: FillStats,
+}
+
 /// What a frame left behind.
 pub struct Frame {
     /// The pixels.
@@ -29,6 +40,8 @@ pub struct Frame {
     pub cache: Option<Cache>,
     /// What the fill did on each level.
     pub fill: Vec<FillStats>,
+    /// The same for glossy surfaces, if the scheme caches radiance.
+    pub gloss: Option<Gloss>,
     /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
     pub gathered: [u64; 3],
     /// Thread seconds of rendering spent on cache lookups and on direct light.
@@ -53,6 +66,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
         film: Film::new(settings.size, settings.window),
         cache: None,
         fill: Vec::new(),
+        gloss: None,
         gathered: [0; 3],
         shading_seconds: [0.0; 2],
         cancelled: false,
@@ -61,6 +75,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     if settings.integrator == IntegratorKind::Cache {
         clock.start(Phase::Fill);
         let mut cache = Cache::new(settings.scheme.clone(), settings.max_bounces, scene.size());
+        frame.gloss = gloss(scene, settings);
         match fill(tracer, settings, &mut cache, &mut frame, progress) {
             Ok(births) => limits = (settings.scheme.passes == 1).then_some(births),
             Err(Error::Cancelled) => frame.cancelled = true,
@@ -71,7 +86,10 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     if !frame.cancelled && !settings.prepass_only {
         clock.start(Phase::Render);
         let integrator = match &frame.cache {
-            Some(cache) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
+            Some(cache) => {
+                let gloss = frame.gloss.as_ref().map(|g| integrator::Gloss { tables: &g.tables, records: &g.records });
+                Integrator::Cached(CachedIntegrator::new(tracer, cache, gloss))
+            }
             None => Integrator::Path(tracer),
         };
         frame.cancelled = render(&integrator, settings, limits.as_deref(), &mut frame.film, progress, watcher);
@@ -92,6 +110,23 @@ fn check(settings: &Settings) -> Result<()> {
     Ok(())
 }
 
+/// What will serve glossy lobes, still without records; `None` where the scheme or the scene has nothing for it.
+fn gloss(scene: &Scene, settings: &Settings) -> Option<Gloss> {
+    let scheme = &settings.scheme;
+    if scheme.radiance_order == 0 || settings.max_bounces == 0 {
+        return None;
+    }
+    let wanted = TableSettings {
+        basis: scheme.radiance_basis,
+        order: usize::from(scheme.radiance_order),
+        loss: scheme.radiance_loss,
+        padding: scheme.radiance_padding,
+    };
+    let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
+    let records = RadianceCache::new(scheme, settings.max_bounces, scene.size());
+    (!tables.is_empty()).then(|| Gloss { tables, records, fill: FillStats::default() })
+}
+
 /// Fills all levels, deepest first. Returns for each pixel of the window how many records existed when it was visited.
 fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut Frame, progress: &Progress) -> Result<Vec<u32>> {
     let probe = SceneProbe::new(tracer);
@@ -101,24 +136,32 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         // Light without bounces has nothing to cache.
         return Ok(births);
     }
-    let visible: Vec<(u32, SurfacePoint)> = order
+    let tables = frame.gloss.as_ref().map(|g| &g.tables);
+    let visible: Vec<(u32, SurfacePoint, u8)> = order
         .par_iter()
         .filter_map(|&p| {
             let sample = camera_sample(settings, p, 0, u32::MAX);
-            let (point, _) = tracer.first_diffuse(&sample.camera, sample.seed)?;
-            Some((p, point))
+            let (point, order) = tracer.first_cached(&sample.camera, sample.seed, tables)?;
+            Some((p, point, order))
         })
         .collect();
-    let (pixels, points): (Vec<u32>, Vec<SurfacePoint>) = visible.into_iter().unzip();
+    let everything: Vec<SurfacePoint> = visible.iter().map(|v| v.1).collect();
+    let (glossy, diffuse): (Vec<_>, Vec<_>) = visible.into_iter().partition(|v| v.2 > 0);
+    let split = |points: Vec<(u32, SurfacePoint, u8)>| -> (Vec<u32>, Vec<SurfacePoint>, Vec<u8>) {
+        (points.iter().map(|p| p.0).collect(), points.iter().map(|p| p.1).collect(), points.iter().map(|p| p.2).collect())
+    };
+    let ((pixels, points, _), (glossy_pixels, glossy_points, orders)) = (split(diffuse), split(glossy));
     let width = frame.film.window_size()[0] as usize;
     let round = if settings.scheme.order == Order::Scanline { width } else { 0 };
     let mut levels = vec![LevelPoints { points, round }];
     for level in 1..cache.level_count() {
         let seed = hash(&[settings.seed, 2, u64::from(level)]);
-        let points = tracer.next_points(&levels[levels.len() - 1].points, DEEPER_POINTS, seed);
+        let before = if level == 1 { &everything } else { &levels[levels.len() - 1].points };
+        let points = tracer.next_points(before, DEEPER_POINTS, seed);
         levels.push(LevelPoints { points, round: 0 });
     }
-    progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
+    let count: usize = levels.iter().map(|l| l.points.len()).sum();
+    progress.start(Phase::Fill, (count + glossy_points.len()) as u64);
     for (level, points) in levels.iter().enumerate().rev() {
         let stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
         if level == 0 {
@@ -127,6 +170,13 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
             }
         }
         frame.fill.insert(0, stats);
+    }
+    if let Some(gloss) = &mut frame.gloss {
+        let points = RadiancePoints { points: LevelPoints { points: glossy_points, round }, orders };
+        gloss.fill = gloss.records.fill(&probe, &points, cache, settings.seed, progress)?;
+        for (&pixel, &birth) in glossy_pixels.iter().zip(&gloss.fill.births) {
+            births[pixel as usize] = birth;
+        }
     }
     frame.gathered = probe.counts().totals();
     Ok(births)

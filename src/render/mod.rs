@@ -11,7 +11,7 @@ mod settings;
 mod stats;
 
 pub use clock::{Clock, peak_memory_bytes};
-pub use frame::{Frame, Watcher, frame};
+pub use frame::{Frame, Gloss, Watcher, frame};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;
 pub use settings::{IntegratorKind, Settings};
