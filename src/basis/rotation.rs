@@ -69,7 +69,6 @@ pub fn rotate_z(coefficients: &mut [f32], angle: f32) {
 
 /// Rotation of spherical harmonics of one order by any [`Turn`].
 pub struct ShRotation {
-    order: usize,
     /// Rotation by -90° about x, which takes z to y, band after band, each a square matrix by rows.
     quarter: Vec<f32>,
     /// Tilts up to this angle are made by the series.
@@ -115,14 +114,13 @@ impl ShRotation {
         }
         let bands = (order - 1).max(1) as f32;
         Self {
-            order,
             quarter: matrices.iter().map(|x| *x as f32).collect(),
             // The remainder of exp(βG) after the second order is at most (β‖G‖)³/6, and ‖G‖ is the highest l.
             series_below: (6.0 * SERIES_ERROR).cbrt() / bands,
         }
     }
 
-    /// Rotates the function with the coefficients `c`: by factorisation into rotations about the pole and two quarter turns, exact up to rounding; by a series where that errs by less than 0.1 %.
+    /// Rotates the function with the coefficients `c`, which may be of a lower order: by factorisation into rotations about the pole and two quarter turns, exact up to rounding; by a series where that errs by less than 0.1 %.
     pub fn rotate(&self, c: &mut [f32], turn: Turn) {
         rotate_z(c, turn.gamma);
         if turn.beta <= self.series_below {
@@ -140,7 +138,7 @@ impl ShRotation {
     fn quarter(&self, c: &mut [f32], inverse: bool) {
         let mut at = 0;
         let mut out = [0.0; 2 * super::MAX_ORDER];
-        for l in 0..self.order {
+        for l in 0..c.len().isqrt() {
             let width = 2 * l + 1;
             let band = &mut c[l * l..(l + 1) * (l + 1)];
             let matrix = &self.quarter[at..at + width * width];
@@ -168,7 +166,7 @@ impl ShRotation {
     /// G c: antisymmetric, it couples m with m ± 1 within the cosine and within the sine functions.
     fn generator(&self, c: &[f32]) -> Vec<f32> {
         let mut out = vec![0.0; c.len()];
-        for l in 1..self.order {
+        for l in 1..c.len().isqrt() {
             let li = l as i32;
             for m in 0..li {
                 let g =

@@ -56,8 +56,8 @@ impl Tilt {
             input.clear();
             input.extend(family.iter().map(|&i| c[i]));
             for &i in family {
-                let row = low[at..].iter().zip(&high[at..]).zip(&input);
-                c[i] = dot(row.map(|((a, b), x)| (a + t * (b - a), *x)));
+                let row = at..at + family.len();
+                c[i] = dot(&low[row.clone()], &high[row], t, &input);
                 at += family.len();
             }
         }
@@ -65,13 +65,18 @@ impl Tilt {
     }
 }
 
-/// A sum of products in eight interleaved parts, which can be added at once.
-fn dot(pairs: impl Iterator<Item = (f32, f32)>) -> f32 {
+/// The product of the row between `low` and `high` with `x`.
+fn dot(low: &[f32], high: &[f32], t: f32, x: &[f32]) -> f32 {
     let mut sums: Lane = [0.0; LANES];
-    for (k, (a, b)) in pairs.enumerate() {
-        sums[k % LANES] += a * b;
+    let whole = x.len() / LANES * LANES;
+    let eights = |s| <[f32]>::chunks_exact(s, LANES);
+    for ((a, b), x) in eights(low).zip(eights(high)).zip(eights(x)) {
+        for k in 0..LANES {
+            sums[k] += (a[k] + t * (b[k] - a[k])) * x[k];
+        }
     }
-    sums.iter().sum()
+    let rest: f32 = (whole..x.len()).map(|k| (low[k] + t * (high[k] - low[k])) * x[k]).sum();
+    sums.iter().sum::<f32>() + rest
 }
 
 /// The matrices of one tilt: a quadrature over the lune that both hemispheres share.

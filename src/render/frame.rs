@@ -50,6 +50,13 @@ pub struct Frame {
     pub cancelled: bool,
 }
 
+impl Frame {
+    /// All caches that were filled.
+    pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
+        self.cache.iter().chain(self.gloss.iter().map(|g| g.records.placement()))
+    }
+}
+
 /// Somebody who wants to see finished tiles: window coordinates x0, y0, x1, y1 and the film so far.
 pub type Watcher<'a> = dyn FnMut([u32; 4], &Film) + Send + 'a;
 
