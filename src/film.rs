@@ -24,6 +24,8 @@ pub struct Pixel {
     samples: u32,
     lookups: u32,
     misses: u32,
+    /// Samples that saw gloss, and those of them that records served.
+    glossy: [u32; 2],
 }
 
 impl Pixel {
@@ -51,6 +53,8 @@ impl Pixel {
             Status::Cached => self.cached += 1.0,
             Status::Traced => self.traced += 1.0,
         }
+        self.glossy[0] += u32::from(s.gloss != Status::None);
+        self.glossy[1] += u32::from(s.gloss == Status::Cached);
         self.irradiance += s.irradiance;
         self.records += s.records as f32;
         self.error += s.error;
@@ -77,6 +81,8 @@ impl Pixel {
         self.samples += other.samples;
         self.lookups += other.lookups;
         self.misses += other.misses;
+        self.glossy[0] += other.glossy[0];
+        self.glossy[1] += other.glossy[1];
     }
 
     /// Number of samples.
@@ -87,6 +93,11 @@ impl Pixel {
     /// Questions put to the cache, and those without an answer.
     pub fn lookups(&self) -> (u64, u64) {
         (u64::from(self.lookups), u64::from(self.misses))
+    }
+
+    /// Samples that saw a glossy surface, and those of them whose gloss came from records.
+    pub fn glossy(&self) -> (u64, u64) {
+        (u64::from(self.glossy[0]), u64::from(self.glossy[1]))
     }
 
     /// Mean radiance.

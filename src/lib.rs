@@ -18,6 +18,7 @@ pub mod math;
 #[allow(unsafe_code, reason = "the one place, with capi, where foreign functions are called")]
 pub mod ffi;
 pub mod imagefile;
+pub mod basis;
 pub mod sampling;
 pub mod geometry;
 pub mod accel;

@@ -20,6 +20,13 @@ pub struct Rectangle {
 /// The lamp [-1,1]² at z = 2 of radiance 1 over black rectangles.
 pub struct LampAndOccluders(pub Vec<Rectangle>);
 
+impl LampAndOccluders {
+    /// The lamp alone.
+    pub fn open() -> Self {
+        Self(Vec::new())
+    }
+}
+
 const LAMP: Rectangle = Rectangle { min: Vec2::NEG_ONE, max: Vec2::ONE, z: 2.0 };
 
 impl RadianceProbe for LampAndOccluders {
@@ -81,7 +88,7 @@ const T4: (f64, [f64; 2]) = (0.268_665_09, [-0.560_892_2, -0.042_570_0]);
 
 #[test]
 fn an_open_lamp_by_every_method() {
-    let open = LampAndOccluders(Vec::new());
+    let open = LampAndOccluders::open();
     for (kind, layout, tolerance) in [
         (TranslationalGradient::WardHeckbert, POLAR, 0.01),
         (TranslationalGradient::PerSample, POLAR, 0.01),
@@ -116,7 +123,7 @@ fn the_per_sample_gradient_is_blind_to_silhouettes() {
 #[test]
 fn rotating_the_normal_changes_irradiance_as_the_rotational_gradient_says() {
     // Central differences of E over a tilt of the receiver, against (n_i x n) . G with the library's frames; means over 64 seeds.
-    let open = LampAndOccluders(Vec::new());
+    let open = LampAndOccluders::open();
     let at = receiver();
     let mut samples = HemisphereSamples::new(POLAR, Density::Cosine);
     let mut irradiance = |n: Vec3| -> f64 {

@@ -3,6 +3,7 @@
 mod accel; // both back ends agree
 mod adaptive; // adaptive caching
 mod architecture; // module order, citations, file sizes
+mod basis; // spherical and hemispherical harmonics
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
 mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
@@ -25,6 +26,7 @@ mod leaks; // thin walls
 mod lights; // light sampling
 mod malformed; // files that must fail, cleanly
 mod pictures; // rendering inside the tests
+mod radiance; // radiance coefficients, their gradients, tables of lobes
 mod report; // schemes on equal terms
 mod scenes; // our own scenes
 mod schemes; // every preset

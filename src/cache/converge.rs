@@ -217,7 +217,7 @@ impl<'a> Convergence<'a> {
             }
             let lengths: Vec<f32> = self.filling.records.iter().map(|r| r.length).collect();
             let chosen = self.filling.choose(self.view.points, &pending);
-            self.filling.make_records(self.view.points, &chosen);
+            self.filling.make_records(self.view.points, &[], &chosen);
             chosen.iter().for_each(|&p| self.given[p as usize] = true);
             self.changes.resize(self.filling.records.len(), 0);
             for (id, &length) in lengths.iter().enumerate() {

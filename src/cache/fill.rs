@@ -1,9 +1,10 @@
 //! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
 
+use super::radiance::{Maker, Radiance, RadiancePoints};
 use super::record::clamp_to_neighbours;
 use super::{Cache, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
-use crate::gather::{HemisphereSamples, RadianceProbe};
+use crate::gather::{Deeper, HemisphereSamples, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
@@ -78,10 +79,20 @@ const OPTIMISM: f32 = 1.4;
 /// A noisy record is gathered again with this multiple of the rays.
 const MORE_RAYS: u32 = 4;
 
+/// A record with its radiance, if it has any.
+struct Made {
+    record: Record,
+    radiance: Option<Radiance>,
+}
+
 /// One level while it fills.
 pub(super) struct Filling<'a> {
     cache: &'a Cache,
     probe: &'a dyn RadianceProbe,
+    /// Where gathers find indirect light.
+    deeper: &'a dyn Deeper,
+    /// What makes the radiance of records, if they have any.
+    maker: Option<&'a Maker>,
     level: u8,
     seed: u64,
     /// The reach until the level is filled.
@@ -89,8 +100,10 @@ pub(super) struct Filling<'a> {
     /// The reach when the level is filled.
     shading_reach: Reach,
     pub records: Vec<Record>,
-    /// Where the last of the records were gathered, as many as were made here.
-    origins: Vec<SurfacePoint>,
+    /// Their radiance, if they have any.
+    radiance: Vec<Radiance>,
+    /// Where the last of the records were gathered, as many as were made here, and the order of the radiance there.
+    origins: Vec<(SurfacePoint, u8)>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
     indexed: usize,
@@ -135,29 +148,26 @@ impl Cache {
         progress: &Progress,
     ) -> Result<(Level, FillStats)> {
         let mut filling = Filling::new(self, probe, level, seed, before);
-        let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
-        while begin < points.points.len() {
-            let end = points.points.len().min(begin + round);
-            filling.round(&points.points[begin..end], progress)?;
-            let births = filling.records.len() as u32;
-            filling.stats.births.resize(end, births);
-            begin = end;
-            if points.round == 0 {
-                round *= 4;
-            }
-        }
-        filling.regather_noisy();
-        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
-        for _ in 0..LAST_ROUNDS {
-            let before = filling.records.len();
-            filling.reindex(true);
-            filling.round(&points.points, progress)?;
-            if filling.records.len() == before {
-                break;
-            }
-        }
+        filling.run(points, &[], progress)?;
         let Filling { records, stats, .. } = filling;
         Ok((self.finish(level, records), stats))
+    }
+
+    /// As [`Cache::fill`] of the first level, with the radiance that `maker` makes of each gather; returns that, by the ids of the records. Indirect light at the hits comes from `deeper`.
+    pub(super) fn fill_radiance(
+        &mut self,
+        probe: &dyn RadianceProbe,
+        points: &RadiancePoints,
+        deeper: &Cache,
+        maker: &Maker,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<(Vec<Radiance>, FillStats)> {
+        let mut filling = Filling { deeper, maker: Some(maker), ..Filling::new(self, probe, 0, hash(&[seed, 3]), Vec::new()) };
+        filling.run(&points.points, &points.orders, progress)?;
+        let Filling { records, radiance, stats, .. } = filling;
+        self.levels[0] = Some(Arc::new(self.finish(0, records)));
+        Ok((radiance, stats))
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
@@ -166,7 +176,7 @@ impl Cache {
         Level { records, index }
     }
 
-    fn shading_reach(&self, level: u8) -> Reach {
+    pub(super) fn shading_reach(&self, level: u8) -> Reach {
         Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing)
     }
 
@@ -182,6 +192,8 @@ impl<'a> Filling<'a> {
         Self {
             cache,
             probe,
+            deeper: cache,
+            maker: None,
             level,
             seed: hash(&[seed, u64::from(level)]),
             reach,
@@ -189,6 +201,7 @@ impl<'a> Filling<'a> {
             index: cache.index(&records, reach),
             indexed: records.len(),
             records,
+            radiance: Vec::new(),
             origins: Vec::new(),
             fresh: cache.index(&[], reach),
             envelope,
@@ -217,8 +230,34 @@ impl<'a> Filling<'a> {
         nearest.map_or(most, |r| most.min(OPTIMISM * r.error))
     }
 
+    /// Rounds over all points, then over those that clamping has uncovered. `orders` are those of the points' radiance, if they need any.
+    fn run(&mut self, points: &LevelPoints, orders: &[u8], progress: &Progress) -> Result<()> {
+        let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
+        while begin < points.points.len() {
+            let end = points.points.len().min(begin + round);
+            self.round(&points.points[begin..end], orders.get(begin..end).unwrap_or(&[]), progress)?;
+            let births = self.records.len() as u32;
+            self.stats.births.resize(end, births);
+            begin = end;
+            if points.round == 0 {
+                round *= 4;
+            }
+        }
+        self.regather_noisy();
+        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
+        for _ in 0..LAST_ROUNDS {
+            let before = self.records.len();
+            self.reindex(true);
+            self.round(&points.points, orders, progress)?;
+            if self.records.len() == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// Covers `points`: again and again the uncovered ones are found, some far enough from each other are given records, in parallel, until none is left.
-    fn round(&mut self, points: &[SurfacePoint], progress: &Progress) -> Result<()> {
+    fn round(&mut self, points: &[SurfacePoint], orders: &[u8], progress: &Progress) -> Result<()> {
         let mut pending: Vec<u32> = (0..points.len() as u32).collect();
         loop {
             if progress.is_cancelled() {
@@ -233,7 +272,7 @@ impl<'a> Filling<'a> {
                 return Ok(());
             }
             let chosen = self.choose(points, &pending);
-            self.make_records(points, &chosen);
+            self.make_records(points, orders, &chosen);
             self.reindex(false);
             // A point that was given a record is done, whatever the index says of it.
             pending.retain(|i| chosen.binary_search(i).is_err());
@@ -281,19 +320,22 @@ impl<'a> Filling<'a> {
         chosen
     }
 
-    /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all records to each other.
-    pub fn make_records(&mut self, points: &[SurfacePoint], chosen: &[u32]) {
-        let made: Vec<(Record, SurfacePoint, bool)> = chosen
+    /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all records to each other. `orders` are those of the radiance at the points, if
+    /// there is any.
+    pub fn make_records(&mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32]) {
+        let order = |i: u32| orders.get(i as usize).copied().unwrap_or(0);
+        let made: Vec<(Made, SurfacePoint, bool)> = chosen
             .par_iter()
-            .map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize]))
-            .map(|(record, at, retaken)| (Record { error: self.error_of_new(record.position), ..record }, at, retaken))
+            .map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize], order(i)))
             .collect();
         let rays = self.cache.scheme.layout(self.level).rays() as u64;
-        for (record, at, retaken) in made {
+        let errors: Vec<f32> = made.iter().map(|(made, ..)| self.error_of_new(made.record.position)).collect();
+        for (((made, at, retaken), error), &i) in made.into_iter().zip(errors).zip(chosen) {
             self.stats.gather_rays += rays * (1 + u64::from(retaken));
             self.stats.retaken += u64::from(retaken);
-            self.records.push(record);
-            self.origins.push(at);
+            self.records.push(Record { error, ..made.record });
+            self.radiance.extend(made.radiance);
+            self.origins.push((at, order(i)));
         }
         self.settle();
     }
@@ -328,24 +370,26 @@ impl<'a> Filling<'a> {
         };
         let layout = scheme.layout(self.level);
         let layout = layout.with_rays(MORE_RAYS * layout.rays() as u32);
-        let again: Vec<(usize, Record)> = self
+        let again: Vec<(usize, Made)> = self
             .origins
             .par_iter()
             .enumerate()
-            .filter(|(_, at)| noisy(at))
+            .filter(|(_, (at, _))| noisy(at))
             .map_init(
                 || HemisphereSamples::new(layout, scheme.density),
-                |samples, (k, at)| {
-                    samples.gather(self.probe, at, self.level, self.cache, hash(&[self.seed_at(at), 1]));
-                    let record = Record::new(scheme, &self.shading_reach, at, samples);
-                    (first + k, Record { error: self.records[first + k].error, ..record })
+                |samples, (k, (at, order))| {
+                    samples.gather(self.probe, at, self.level, self.deeper, hash(&[self.seed_at(at), 1]));
+                    (first + k, self.made(samples, at, *order))
                 },
             )
             .collect();
         self.stats.noisy += again.len() as u64;
         self.stats.gather_rays += (again.len() * layout.rays()) as u64;
-        for (id, record) in again {
-            self.records[id] = record;
+        for (id, Made { record, radiance }) in again {
+            self.records[id] = Record { error: self.records[id].error, ..record };
+            if let Some(radiance) = radiance {
+                self.radiance[id] = radiance;
+            }
         }
         self.settle();
     }
@@ -356,35 +400,46 @@ impl<'a> Filling<'a> {
     }
 
     /// The record of a gather at `at`, where it was made, and whether it had to be taken again there.
-    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> (Record, SurfacePoint, bool) {
-        let record = self.gather(samples, at);
+    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> (Made, SurfacePoint, bool) {
+        let made = self.gather(samples, at, order);
         if !self.cache.scheme.neighbour_clamp {
-            return (record, *at, false);
+            return (made, *at, false);
         }
+        let record = &made.record;
         // Rays that slip through a crack beside the point see too far. Two neighbours that see much nearer things give it away; the gather is repeated a little
         // towards them, inside the surface that they share [Krivanek06, Sec. 5.2].
         let neighbours = self.envelope.lowest_two(at.position);
         if record.length_unclamped <= LEAK * neighbours[1].value {
-            return (record, *at, false);
+            return (made, *at, false);
         }
         let [a, b] = neighbours.map(|n| self.records[n.id as usize].position);
         let towards = 0.5 * (a + b) - at.position;
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
-        let again = self.gather(samples, &moved);
+        let again = self.gather(samples, &moved, order);
         // Where shading normals lean far from the surface the point may lie behind its own record: better a short record than none.
-        let valid = again.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
-        if valid { (again, moved, true) } else { (record, *at, true) }
+        let valid = again.record.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
+        if valid { (again, moved, true) } else { (made, *at, true) }
     }
 
-    fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint) -> Record {
-        samples.gather(self.probe, at, self.level, self.cache, self.seed_at(at));
-        Record::new(&self.cache.scheme, &self.shading_reach, at, samples)
+    fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
+        samples.gather(self.probe, at, self.level, self.deeper, self.seed_at(at));
+        self.made(samples, at, order)
     }
 
     fn seed_at(&self, at: &SurfacePoint) -> u64 {
         let p = at.position.to_array().map(|x| u64::from((x + 0.0).to_bits()));
         hash(&[self.seed, p[0], p[1], p[2]])
+    }
+
+    /// What the finished gather `samples` at `at` makes.
+    fn made(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
+        let mut record = Record::new(&self.cache.scheme, &self.shading_reach, at, samples);
+        let radiance = self.maker.map(|m| m.make(samples, order));
+        if let Some(radiance) = radiance.as_ref().filter(|_| self.cache.scheme.gradient_clamp) {
+            record.shorten(radiance.length());
+        }
+        Made { record, radiance }
     }
 }

@@ -70,6 +70,20 @@ pub struct Index {
     tolerance: f32,
 }
 
+/// A record that is valid at a point.
+pub(super) struct Valid {
+    pub id: u32,
+    /// From the record to the point.
+    pub offset: Vec3,
+    pub weight: f32,
+    /// Its error as a share of the allowed one.
+    pub error: f32,
+    /// Its allowed error as a share of the level's.
+    pub share: f32,
+    /// Its irradiance extrapolated to the point.
+    pub irradiance: Color,
+}
+
 /// Interpolated irradiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
@@ -239,12 +253,10 @@ impl Index {
         covered
     }
 
-    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
-    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
-        let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
+    /// Calls `visit` for every record with an id below `limit` that is valid at `at`, weighed and extrapolated.
+    #[inline]
+    pub(super) fn visit(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(Valid)) {
         self.valid(at, limit, |e, error| {
-            let w = self.weight.at(error, e.inverse_share);
             let p = &self.payloads[e.id as usize];
             let offset = at.position - e.position;
             let first = p.translation * offset;
@@ -252,10 +264,26 @@ impl Index {
             if let Some(curve) = self.curves.get(e.id as usize) {
                 value += curve.term(offset, first, p.irradiance);
             }
-            sum += w * value.max(Color::ZERO);
-            weights += w;
-            errors += w * error;
-            shares += w / e.inverse_share;
+            visit(Valid {
+                id: e.id,
+                offset,
+                weight: self.weight.at(error, e.inverse_share),
+                error,
+                share: 1.0 / e.inverse_share,
+                irradiance: value.max(Color::ZERO),
+            });
+        });
+    }
+
+    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
+    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
+    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+        let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
+        self.visit(at, limit, |v| {
+            sum += v.weight * v.irradiance;
+            weights += v.weight;
+            errors += v.weight * v.error;
+            shares += v.weight * v.share;
             records += 1;
         });
         let allowed = self.reach.allowed_error() * shares / weights;

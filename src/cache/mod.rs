@@ -17,6 +17,7 @@ mod live;
 mod locate;
 mod metric;
 mod published;
+mod radiance;
 mod record;
 mod scheme;
 mod sync;
@@ -29,6 +30,7 @@ pub use fill::{FillStats, LevelPoints};
 pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
+pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
 pub use record::{Curve, Reach, Record};
 pub use scheme::{
     ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Refinement, Scheme, Strata, Weight,

@@ -127,6 +127,13 @@ impl Record {
         self.length = self.length_unclamped.min(limit);
     }
 
+    /// Bounds every length by `most`, as the gather gave it.
+    pub fn shorten(&mut self, most: f32) {
+        self.shape = self.shape.map(|r| r.min(most));
+        self.length_unclamped = self.shape.shortest();
+        self.length = self.length_unclamped;
+    }
+
     /// The error of using the record at `at` as a share of the level's allowed error, so that the record is valid below [`Reach::share`]. `None` where it must
     /// not be used at any distance: it faces away, lies in front of the point and `in_front` says by how much it may not, or fences stand between.
     pub fn error_at(&self, reach: &Reach, at: &SurfacePoint, in_front: Option<f32>) -> Option<f32> {

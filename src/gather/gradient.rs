@@ -36,7 +36,7 @@ impl Gradient {
 pub enum TranslationalGradient {
     /// None: records are extrapolated by their value.
     None,
-    /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Polar layout and cosine density only.
+    /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Polar layout only.
     WardHeckbert,
     /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density, but blind to occlusion changes.
     PerSample,
@@ -85,12 +85,12 @@ impl HemisphereSamples {
     ///          + v_k- Σ_j (sin θ_j+ - sin θ_j-) (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
     /// ```
     ///
-    /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary, sin² θ_j- = j/M.
+    /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary; with cosine density sin² θ_j- = j/M.
     fn ward_heckbert(&self) -> Gradient {
         let Layout::Polar { m, n } = self.layout else { panic!("the Ward-Heckbert gradient needs the polar layout") };
         let (m, n) = (m as usize, n as usize);
         let b = &self.bundle;
-        let sin_lower = |j: usize| (j as f32 / m as f32).sqrt();
+        let sin_lower = |j: usize| self.ring_edge(j as f32 / m as f32).sin();
         let mut g = Gradient::default();
         for k in 0..n {
             let before = (k + n - 1) % n;

@@ -9,11 +9,13 @@ mod estimate;
 mod gradient;
 mod hessian;
 mod layout;
+mod radiance;
 mod triangulation;
 
 pub use gradient::{Gradient, TranslationalGradient};
 pub use hessian::{Derivatives, Hessian};
 pub use layout::{Density, Layout};
+pub use radiance::{Coefficients, RadianceGradient};
 pub use triangulation::TriangleRadiance;
 
 use crate::geometry::SurfacePoint;

@@ -4,17 +4,28 @@ use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
 use super::{CameraSample, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::Cache;
+use crate::cache::{Cache, LobeCoefficients, RadianceCache};
 use crate::gather::Deeper;
 use crate::material::Lobe;
+use crate::material::tables::GlossyTables;
 use crate::math::{Color, INV_PI};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
+
+/// What serves the glossy lobes of low frequency.
+#[derive(Clone, Copy)]
+pub struct Gloss<'a> {
+    /// Those lobes in harmonics.
+    pub tables: &'a GlossyTables,
+    /// Records of the light that reaches them.
+    pub records: &'a RadianceCache,
+}
 
 /// Shades camera samples by a filled cache.
 pub struct CachedIntegrator<'a> {
     tracer: PathTracer<'a>,
     cache: &'a Cache,
+    gloss: Option<Gloss<'a>>,
     interpolate_ns: AtomicU64,
     direct_ns: AtomicU64,
 }
@@ -47,9 +58,9 @@ struct Pending {
 }
 
 impl<'a> CachedIntegrator<'a> {
-    /// Shading by `cache`, whose levels are filled.
-    pub fn new(tracer: PathTracer<'a>, cache: &'a Cache) -> Self {
-        Self { tracer, cache, interpolate_ns: AtomicU64::new(0), direct_ns: AtomicU64::new(0) }
+    /// Shading by `cache`, whose levels are filled, and by `gloss`.
+    pub fn new(tracer: PathTracer<'a>, cache: &'a Cache, gloss: Option<Gloss<'a>>) -> Self {
+        Self { tracer, cache, gloss, interpolate_ns: AtomicU64::new(0), direct_ns: AtomicU64::new(0) }
     }
 
     /// Thread seconds spent on cache lookups and on direct light so far, estimated from every 32nd sample.
@@ -67,11 +78,12 @@ impl<'a> CachedIntegrator<'a> {
         let mut shadows = Vec::with_capacity(rays.len());
         let mut pending = Vec::with_capacity(rays.len());
         let mut spent = Spent::default();
+        let mut lobe = LobeCoefficients::default();
         out.clear();
         for ((sample, ray), hit) in samples.iter().zip(&rays).zip(&hits) {
             let number = out.len();
             let clock = number.is_multiple_of(TIMED).then_some(&mut spent);
-            out.push(self.shade_one(sample, ray, *hit, clock, |shadow, light, first| {
+            out.push(self.shade_one(sample, ray, *hit, clock, &mut lobe, |shadow, light, first| {
                 shadows.push(shadow);
                 pending.push(Pending { sample: number, light, first });
             }));
@@ -101,6 +113,7 @@ impl<'a> CachedIntegrator<'a> {
         ray: &Ray,
         hit: Hit,
         mut clock: Option<&mut Spent>,
+        lobe: &mut LobeCoefficients,
         mut shadow: impl FnMut(Ray, Reflected, bool),
     ) -> Shaded {
         let scene = self.tracer.scene;
@@ -130,15 +143,18 @@ impl<'a> CachedIntegrator<'a> {
                 out.surface = Some(Surface::new(&point, &bsdf, distance));
             }
 
-            let cached =
-                timed(clock.as_mut().map(|c| &mut c.interpolate), || self.cached(&vertex, bounces, sample.limit, &mut out));
-            let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
-            if let Some(indirect) = cached {
-                if bounces == 0 {
-                    out.radiance.diffuse_indirect += indirect;
-                } else {
-                    out.radiance.glossy_indirect += beta * indirect;
-                }
+            let cached = timed(clock.as_mut().map(|c| &mut c.interpolate), || {
+                self.reflected(&vertex, bounces, sample.limit, lobe, &mut out).or_else(|| {
+                    let diffuse = self.cached(&vertex, bounces, sample.limit, &mut out)?;
+                    Some((Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy))
+                })
+            });
+            let (indirect, sampled) = cached.unwrap_or((Reflected::default(), Sampled::Everything));
+            if bounces == 0 {
+                out.radiance.diffuse_indirect += indirect.diffuse;
+                out.radiance.glossy_indirect += indirect.glossy;
+            } else {
+                out.radiance.glossy_indirect += beta * indirect.sum();
             }
             let light = timed(clock.as_mut().map(|c| &mut c.direct), || self.tracer.light(&vertex, &mut sampler, sampled));
             if let Some((ray, light)) = light {
@@ -152,7 +168,7 @@ impl<'a> CachedIntegrator<'a> {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
                         // The cache has the diffuse lobe: all of this weight is the others'.
-                        Sampled::Glossy => (Color::ZERO, scattered.weight),
+                        Sampled::Glossy | Sampled::Nothing => (Color::ZERO, scattered.weight),
                     };
                     out.radiance.add(weights, light);
                 } else {
@@ -175,6 +191,47 @@ impl<'a> CachedIntegrator<'a> {
         out
     }
 
+    /// The level that a surface behind `bounces` mirrors is looked up on.
+    fn level(&self, bounces: u32) -> u8 {
+        // With a bound on the path length a surface behind mirrors is owed fewer bounces than one seen directly.
+        if self.tracer.max_bounces == u32::MAX { 0 } else { u8::try_from(bounces).unwrap_or(u8::MAX) }
+    }
+
+    /// Radiance of indirect light that leaves a surface whose glossy lobes radiance records serve, by all its lobes.
+    fn reflected(
+        &self,
+        v: &Vertex,
+        bounces: u32,
+        limit: u32,
+        lobe: &mut LobeCoefficients,
+        out: &mut Shaded,
+    ) -> Option<(Reflected, Sampled)> {
+        if v.bsdf.is_delta_only() || !v.bsdf.has_glossy() {
+            return None;
+        }
+        out.gloss = Status::Traced;
+        let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
+        let wo = v.point.frame.to_local(v.point.wo);
+        lobe.order = gloss.tables.project(v.point.material, &v.bsdf, wo, &mut lobe.values)?;
+        let answer = gloss.records.lookup(&v.point, limit, lobe);
+        out.lookups += 1;
+        let Some(answer) = answer else {
+            out.misses += 1;
+            return None;
+        };
+        out.gloss = Status::Cached;
+        if bounces == 0 {
+            out.error = answer.error;
+            out.records = answer.records;
+            out.irradiance = answer.irradiance;
+            if v.bsdf.has_diffuse() {
+                out.status = Status::Cached;
+            }
+        }
+        let diffuse = v.bsdf.diffuse_albedo(wo) * answer.irradiance * INV_PI;
+        Some((Reflected { diffuse, glossy: answer.glossy }, Sampled::Nothing))
+    }
+
     /// Radiance of indirect light that leaves by the diffuse lobe, from the cache.
     fn cached(&self, v: &Vertex, bounces: u32, limit: u32, out: &mut Shaded) -> Option<Color> {
         if !v.bsdf.has_diffuse() {
@@ -183,9 +240,7 @@ impl<'a> CachedIntegrator<'a> {
         if bounces >= self.tracer.max_bounces {
             return Some(Color::ZERO);
         }
-        // With a bound on the path length a surface behind mirrors is owed fewer bounces than one seen directly.
-        let level = if self.tracer.max_bounces == u32::MAX { 0 } else { u8::try_from(bounces).unwrap_or(u8::MAX) };
-        let answer = self.cache.lookup(level, &v.point, limit);
+        let answer = self.cache.lookup(self.level(bounces), &v.point, limit);
         out.lookups += 1;
         match answer {
             Some(a) => {

@@ -8,7 +8,7 @@ mod points;
 mod probe;
 
 pub use bdpt::{Bidirectional, Splat};
-pub use cached::CachedIntegrator;
+pub use cached::{CachedIntegrator, Gloss};
 pub use path::{Origin, PathTracer, Start};
 pub use probe::{Counts, SceneProbe};
 
@@ -127,6 +127,8 @@ pub struct Shaded {
     pub surface: Option<Surface>,
     /// Source of the indirect light.
     pub status: Status,
+    /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors apart; `None` too where the path tracer makes the pixels.
+    pub gloss: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
     /// Mean of the errors a_i that its records are allowed.

@@ -6,7 +6,8 @@ use crate::accel::Ray;
 use crate::cache::Appearance;
 use crate::camera::CameraRay;
 use crate::geometry::SurfacePoint;
-use crate::material::Lobe;
+use crate::material::tables::GlossyTables;
+use crate::material::{Bsdf, Lobe};
 use crate::math::{INV_PI, Vec2, luminance};
 use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere};
 use rayon::prelude::*;
@@ -32,7 +33,8 @@ pub(super) fn footprint(camera: &CameraRay, distance: f32, cos: f32) -> f32 {
 impl PathTracer<'_> {
     /// The first surface with a diffuse lobe that `camera` sees, straight or by ideal mirrors and panes, and the number of those.
     pub fn first_diffuse(&self, camera: &CameraRay, seed: u64) -> Option<(SurfacePoint, u32)> {
-        self.first_vertex(camera, seed).map(|(v, bounces)| (v.point, bounces))
+        let (v, bounces) = self.first_vertex(camera, seed, |_, bsdf| bsdf.has_diffuse())?;
+        Some((v.point, bounces))
     }
 
     /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is none. Direct light comes from a few samples of the lights at each point, and
@@ -45,7 +47,7 @@ impl PathTracer<'_> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
         let mut seen: Vec<Option<(SurfacePoint, Appearance)>> = Vec::with_capacity(pixels.len());
         for (camera, seed) in pixels {
-            let Some((v, _)) = self.first_vertex(camera, *seed) else {
+            let Some((v, _)) = self.first_vertex(camera, *seed, |_, bsdf| bsdf.has_diffuse()) else {
                 seen.push(None);
                 continue;
             };
@@ -72,7 +74,23 @@ impl PathTracer<'_> {
         seen
     }
 
-    fn first_vertex(&self, camera: &CameraRay, seed: u64) -> Option<(Vertex, u32)> {
+    /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it has
+    /// a diffuse lobe alone to be served.
+    pub fn first_cached(&self, camera: &CameraRay, seed: u64, tables: Option<&GlossyTables>) -> Option<(SurfacePoint, u8)> {
+        let order = |point: &SurfacePoint, bsdf: &Bsdf| tables.and_then(|t| t.record_order(point, bsdf)).unwrap_or(0);
+        let (Vertex { point, bsdf }, _) =
+            self.first_vertex(camera, seed, |point, bsdf| bsdf.has_diffuse() || order(point, bsdf) > 0)?;
+        let order = order(&point, &bsdf);
+        Some((point, order))
+    }
+
+    /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes before it; `None` if the first that is none of those is not wanted.
+    fn first_vertex(
+        &self,
+        camera: &CameraRay,
+        seed: u64,
+        wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
+    ) -> Option<(Vertex, u32)> {
         let mut ray = Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
         let mut sampler = Sampler::new(seed, 0);
         let mut travelled = 0.0;
@@ -80,7 +98,7 @@ impl PathTracer<'_> {
             let (mut point, distance) = self.scene.intersect(&ray, seed)?;
             travelled += distance;
             let bsdf = self.scene.shade(&mut point);
-            if bsdf.has_diffuse() {
+            if wanted(&point, &bsdf) {
                 point.footprint = footprint(camera, travelled, point.wo.dot(point.ng));
                 return Some((Vertex { point, bsdf }, bounces));
             }

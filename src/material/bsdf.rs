@@ -1,7 +1,7 @@
 //! The BSDF of one surface point: evaluation, sampling and densities of everything but emission and alpha.
 
 use super::NativeBrdf;
-use super::layered::Layered;
+use super::layered::{GgxLobe, Layered};
 use super::microfacet::flip;
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
@@ -241,6 +241,22 @@ impl Bsdf {
     /// True if light can pass to the other side.
     pub fn transmits(&self) -> bool {
         matches!(&self.0, Model::Layered(l) if l.transmits())
+    }
+
+    /// The model, if it is one of the papers' BRDFs.
+    pub(super) fn native_brdf(&self) -> Option<&NativeBrdf> {
+        match &self.0 {
+            Model::Native(b) => Some(b),
+            _ => None,
+        }
+    }
+
+    /// The reflecting lobes of the layered model towards `wo`; `None` where it has delta lobes or transmits, or is not that model.
+    pub(super) fn ggx_lobes(&self, wo: Vec3) -> Option<[GgxLobe; 2]> {
+        match &self.0 {
+            Model::Layered(l) => l.ggx_lobes(wo),
+            _ => None,
+        }
     }
 
     /// Width of the sharpest lobe besides the diffuse one as a GGX α: 0 for a delta lobe, 1 if there is none.

@@ -64,7 +64,31 @@ pub(super) struct View<'a> {
     pick: [f32; 4],
 }
 
+/// A reflecting GGX lobe as seen from one direction: `f = (f0 + (f90 - f0)(1 - cosθ_h)⁵) D V`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GgxLobe {
+    /// Roughness.
+    pub alpha: f32,
+    /// Reflectance at normal incidence.
+    pub f0: Color,
+    /// Reflectance at grazing incidence.
+    pub f90: Color,
+}
+
 impl Layered {
+    /// The lobes of the reflector and of the coat towards `wo`, black where they are not there; `None` if there is any other lobe besides Lambert's, or if one of them is a delta lobe.
+    pub fn ggx_lobes(&self, wo: Vec3) -> Option<[GgxLobe; 2]> {
+        if self.transmits() || (self.has_reflector() && self.is_smooth()) || (self.coat > 0.0 && self.coat_alpha < DELTA_ALPHA) {
+            return None;
+        }
+        let view = self.view(wo, false);
+        let coat = |f: f32| Color::splat(self.coat * f);
+        Some([
+            GgxLobe { alpha: self.alpha, f0: view.reflect0, f90: view.reflect90 },
+            GgxLobe { alpha: self.coat_alpha, f0: coat(COAT_F0), f90: coat(1.0) },
+        ])
+    }
+
     /// True if only the Lambert lobe is there and nothing covers it.
     pub fn is_lambert(&self) -> bool {
         !self.has_specular() && self.cover == Vec2::ZERO

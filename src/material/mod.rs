@@ -6,6 +6,7 @@ mod layered;
 mod microfacet;
 mod native;
 mod shade;
+pub mod tables;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe};
 

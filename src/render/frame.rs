@@ -2,11 +2,12 @@
 
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
-use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, Refinement};
+use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, RadianceCache, RadiancePoints, Refinement};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded, Splat};
+use crate::integrator::{self, Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded, Splat};
+use crate::material::tables::{GlossyTables, TableSettings, TableStore};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
@@ -24,6 +25,16 @@ const WAVE: u32 = 64;
 /// Shading points of the deeper levels, per level.
 const DEEPER_POINTS: usize = 16_384;
 
+/// What served the glossy lobes of low frequency.
+pub struct Gloss {
+    /// Those lobes in harmonics.
+    pub tables: GlossyTables,
+    /// Records of the light that reaches them.
+    pub records: RadianceCache,
+    /// What their fill did.
+    pub fill: FillStats,
+}
+
 /// What a frame left behind.
 pub struct Frame {
     /// The pixels.
@@ -32,12 +43,21 @@ pub struct Frame {
     pub cache: Option<Cache>,
     /// What the fill did on each level.
     pub fill: Vec<FillStats>,
+    /// The same for glossy surfaces, if the scheme caches radiance.
+    pub gloss: Option<Gloss>,
     /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
     pub gathered: [u64; 3],
     /// Thread seconds of rendering spent on cache lookups and on direct light.
     pub shading_seconds: [f64; 2],
     /// The frame was cancelled and holds the samples so far.
     pub cancelled: bool,
+}
+
+impl Frame {
+    /// All caches that were filled.
+    pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
+        self.cache.iter().chain(self.gloss.iter().map(|g| g.records.placement()))
+    }
 }
 
 /// Somebody who wants to see finished tiles: window coordinates x0, y0, x1, y1 and the film so far.
@@ -71,6 +91,7 @@ pub fn frame_with(
         film: Film::new(settings.size, settings.window),
         cache: None,
         fill: Vec::new(),
+        gloss: None,
         gathered: [0; 3],
         shading_seconds: [0.0; 2],
         cancelled: false,
@@ -79,6 +100,7 @@ pub fn frame_with(
     if settings.integrator == IntegratorKind::Cache {
         clock.start(Phase::Fill);
         let mut cache = before.unwrap_or_else(|| Cache::new(settings.scheme.clone(), settings.max_bounces, scene.size()));
+        frame.gloss = gloss(scene, settings);
         match fill(tracer, settings, &mut cache, &mut frame, progress) {
             Ok(births) => limits = (settings.scheme.passes == 1).then_some(births),
             Err(Error::Cancelled) => frame.cancelled = true,
@@ -89,7 +111,10 @@ pub fn frame_with(
     if !frame.cancelled && !settings.prepass_only {
         clock.start(Phase::Render);
         let integrator = match (&frame.cache, settings.integrator) {
-            (Some(cache), _) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
+            (Some(cache), _) => {
+                let gloss = frame.gloss.as_ref().map(|g| integrator::Gloss { tables: &g.tables, records: &g.records });
+                Integrator::Cached(CachedIntegrator::new(tracer, cache, gloss))
+            }
             (None, IntegratorKind::Bdpt) => {
                 let camera = settings.camera.clone();
                 Integrator::Bidirectional(Bidirectional::new(tracer, camera, settings.size, settings.window))
@@ -114,6 +139,23 @@ fn check(settings: &Settings) -> Result<()> {
     Ok(())
 }
 
+/// What will serve glossy lobes, still without records; `None` where the scheme or the scene has nothing for it.
+fn gloss(scene: &Scene, settings: &Settings) -> Option<Gloss> {
+    let scheme = &settings.scheme;
+    if scheme.radiance_order == 0 || settings.max_bounces == 0 {
+        return None;
+    }
+    let wanted = TableSettings {
+        basis: scheme.radiance_basis,
+        order: usize::from(scheme.radiance_order),
+        loss: scheme.radiance_loss,
+        padding: scheme.radiance_padding,
+    };
+    let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
+    let records = RadianceCache::new(scheme, settings.max_bounces, scene.size());
+    (!tables.is_empty()).then(|| Gloss { tables, records, fill: FillStats::default() })
+}
+
 /// Fills all levels, deepest first. Returns for each pixel of the window how many records existed when it was visited.
 fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut Frame, progress: &Progress) -> Result<Vec<u32>> {
     let probe = SceneProbe::new(tracer);
@@ -123,23 +165,38 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         // Light without bounces has nothing to cache.
         return Ok(births);
     }
-    let rays: Vec<_> = order.iter().map(|&p| camera_sample(settings, p, 0, u32::MAX)).map(|s| (s.camera, s.seed)).collect();
-    let seen: Vec<Option<(SurfacePoint, Appearance)>> = if settings.scheme.refinement == Refinement::None {
-        rays.par_iter().map(|(c, seed)| Some((tracer.first_diffuse(c, *seed)?.0, Appearance::default()))).collect()
-    } else {
-        tracer.appearances(&rays)
+    let tables = frame.gloss.as_ref().map(|g| &g.tables);
+    let visible: Vec<(u32, SurfacePoint, u8)> = order
+        .par_iter()
+        .filter_map(|&p| {
+            let sample = camera_sample(settings, p, 0, u32::MAX);
+            let (point, order) = tracer.first_cached(&sample.camera, sample.seed, tables)?;
+            Some((p, point, order))
+        })
+        .collect();
+    let everything: Vec<SurfacePoint> = visible.iter().map(|v| v.1).collect();
+    let (glossy, diffuse): (Vec<_>, Vec<_>) = visible.into_iter().partition(|v| v.2 > 0);
+    let split = |points: Vec<(u32, SurfacePoint, u8)>| -> (Vec<u32>, Vec<SurfacePoint>, Vec<u8>) {
+        (points.iter().map(|p| p.0).collect(), points.iter().map(|p| p.1).collect(), points.iter().map(|p| p.2).collect())
     };
-    let pixels: Vec<u32> = order.iter().zip(&seen).filter(|(_, s)| s.is_some()).map(|(&p, _)| p).collect();
-    let (points, appearances): (Vec<SurfacePoint>, Vec<Appearance>) = seen.into_iter().flatten().unzip();
+    let ((pixels, points, _), (glossy_pixels, glossy_points, orders)) = (split(diffuse), split(glossy));
+    let appearances: Vec<Appearance> = if settings.scheme.refinement == Refinement::None {
+        vec![Appearance::default(); points.len()]
+    } else {
+        let rays: Vec<_> = pixels.iter().map(|&p| camera_sample(settings, p, 0, u32::MAX)).map(|s| (s.camera, s.seed)).collect();
+        tracer.appearances(&rays).into_iter().map(|seen| seen.map_or_else(Appearance::default, |(_, a)| a)).collect()
+    };
     let width = frame.film.window_size()[0] as usize;
     let round = if settings.scheme.order == Order::Scanline { width } else { 0 };
     let mut levels = vec![LevelPoints { points, round }];
     for level in 1..cache.level_count() {
         let seed = hash(&[settings.seed, 2, u64::from(level)]);
-        let points = tracer.next_points(&levels[levels.len() - 1].points, DEEPER_POINTS, seed);
+        let before = if level == 1 { &everything } else { &levels[levels.len() - 1].points };
+        let points = tracer.next_points(before, DEEPER_POINTS, seed);
         levels.push(LevelPoints { points, round: 0 });
     }
-    progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
+    let count: usize = levels.iter().map(|l| l.points.len()).sum();
+    progress.start(Phase::Fill, (count + glossy_points.len()) as u64);
     for (level, points) in levels.iter().enumerate().rev() {
         let mut stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
         if level == 0 {
@@ -151,6 +208,13 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
             }
         }
         frame.fill.insert(0, stats);
+    }
+    if let Some(gloss) = &mut frame.gloss {
+        let points = RadiancePoints { points: LevelPoints { points: glossy_points, round }, orders };
+        gloss.fill = gloss.records.fill(&probe, &points, cache, settings.seed, progress)?;
+        for (&pixel, &birth) in glossy_pixels.iter().zip(&gloss.fill.births) {
+            births[pixel as usize] = birth;
+        }
     }
     frame.gathered = probe.counts().totals();
     Ok(births)

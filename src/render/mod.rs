@@ -12,7 +12,7 @@ mod settings;
 mod stats;
 
 pub use clock::{Clock, peak_memory_bytes};
-pub use frame::{Frame, Watcher, frame, frame_with};
+pub use frame::{Frame, Gloss, Watcher, frame, frame_with};
 pub(crate) use frame::{camera_sample, pixel_order};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;

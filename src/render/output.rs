@@ -42,10 +42,8 @@ fn layers(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fac
             channels.push(Channel { name: layer.channel_name(k), kind, samples });
         }
     }
-    if facts.show_records
-        && let Some(cache) = &frame.cache
-    {
-        let drawn = records::draw(film, cache, settings);
+    if facts.show_records && frame.cache.is_some() {
+        let drawn = records::draw(film, frame.caches(), settings);
         for (k, name) in ["R", "G", "B"].iter().enumerate() {
             let samples = drawn.overlay.iter().map(|c| c[k]).collect();
             channels.push(Channel { name: format!("gi.overlay.{name}"), kind: SampleKind::Half, samples });
@@ -92,9 +90,10 @@ pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
 /// # Errors
 /// Those of writing the file.
 pub fn write_preview(path: &Path, frame: &Frame, settings: &Settings, exposure_ev: f32, show_records: bool) -> Result<()> {
-    let pixels: Vec<Color> = match (&frame.cache, show_records) {
-        (Some(cache), true) => records::draw(&frame.film, cache, settings).overlay,
-        _ => frame.film.radiance(),
+    let pixels: Vec<Color> = if show_records && frame.cache.is_some() {
+        records::draw(&frame.film, frame.caches(), settings).overlay
+    } else {
+        frame.film.radiance()
     };
     let [width, height] = frame.film.window_size();
     ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))

@@ -22,8 +22,8 @@ const OUTLINED: f32 = 6.0;
 /// Points of an outline.
 const OUTLINE: usize = 48;
 
-/// Draws the records of all levels that the camera sees; those hidden behind what it sees are left out.
-pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
+/// Draws the records of all levels of `caches` that the camera sees; those hidden behind what it sees are left out.
+pub fn draw<'a>(film: &Film, caches: impl Iterator<Item = &'a Cache>, settings: &Settings) -> Drawn {
     let mut canvas = Canvas {
         film,
         to_clip: super::output::world_to_ndc(&settings.camera, settings.size),
@@ -32,7 +32,8 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
         drawn: Drawn { overlay: film.radiance(), level: vec![0.0; film.pixels().len()] },
         brightness: 4.0 * film.mean_luminance().max(1e-6),
     };
-    for level in (0..cache.level_count()).rev() {
+    let levels = caches.flat_map(|cache| (0..cache.level_count()).rev().map(move |level| (cache, level)));
+    for (cache, level) in levels {
         let Some(filled) = cache.level(level) else { continue };
         let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
         for record in filled.records() {

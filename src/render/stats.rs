@@ -31,6 +31,18 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
             })
             .collect()
     });
+    let (glossy, served) = frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let radiance = frame.gloss.as_ref().map(|gloss| {
+        let fill = &gloss.fill;
+        json!({
+            "records": gloss.records.records().len(),
+            "bytes": gloss.records.bytes(),
+            "gather_rays": fill.gather_rays,
+            "fill_lookups": fill.lookups,
+            "fill_hits": fill.hits,
+            "retaken": fill.retaken,
+        })
+    });
     // Parts of rendering that run on all threads at once: their thread seconds, and the wall seconds that is on average.
     let mut phases = clock.to_json();
     for (name, seconds) in ["interpolate", "direct"].into_iter().zip(frame.shading_seconds) {
@@ -42,6 +54,8 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
         "rays": {"camera": samples, "gather": bundle, "gather_shadow": shadow, "gather_paths": paths},
         "records": levels.iter().filter_map(|l| l["records"].as_u64()).sum::<u64>(),
         "levels": levels,
+        "radiance": radiance,
+        "glossy": {"samples": glossy, "served": served, "fraction": if glossy > 0 { served as f64 / glossy as f64 } else { 0.0 }},
         "lookups": lookups,
         "hits": lookups - misses,
         "samples": samples,

@@ -87,6 +87,11 @@ impl Scene {
         if d > 0.0 { d } else { 1.0 }
     }
 
+    /// The materials, by the numbers that surface points have.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
     /// The material at a surface point.
     #[inline]
     pub fn material(&self, at: &SurfacePoint) -> &Material {

@@ -1,0 +1,292 @@
+//! Radiance records: incident radiance in harmonics, beside the irradiance that every record holds.
+//!
+//! They serve glossy surfaces of low frequency: what such a surface sends to the viewer is the product of two vectors, the record's coefficients and those of the lobe. Records are placed as irradiance
+//! records are, in a cache of their own.
+
+use super::{Cache, FillStats, Index, LevelPoints, Record, Scheme};
+use crate::basis::{Basis, BasisKind, LANES, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
+use crate::error::Result;
+use crate::gather::{Coefficients, HemisphereSamples, RadianceGradient, RadianceProbe};
+use crate::geometry::SurfacePoint;
+use crate::math::{Color, Frame, Vec3, luminance};
+use crate::progress::Progress;
+use std::f32::consts::TAU;
+use std::sync::OnceLock;
+
+/// What a record holds besides its irradiance.
+pub(super) struct Radiance {
+    /// The frame of its tangents.
+    frame: Frame,
+    order: usize,
+    /// The coefficients and their change along `frame.s` and `frame.t`; the gradients are empty if the scheme has none.
+    coefficients: [Coefficients; 3],
+}
+
+/// Makes [`Radiance`] from gathers.
+pub(super) struct Maker {
+    kind: BasisKind,
+    /// The bases of orders 1, 2, ...
+    bases: Vec<Box<dyn Basis>>,
+    gradient: RadianceGradient,
+    rotation: OnceLock<Rotation>,
+}
+
+/// Shading points with the orders that their lobes need.
+pub struct RadiancePoints {
+    /// The points.
+    pub points: LevelPoints,
+    /// For each of them, the number of bands of its record.
+    pub orders: Vec<u8>,
+}
+
+/// Coefficients of a lobe times the cosine, in the local frame of the point asked about.
+#[derive(Clone, Debug, Default)]
+pub struct LobeCoefficients {
+    /// Bands in use.
+    pub order: usize,
+    /// Red, green, blue; each as many as the basis of the cache has functions.
+    pub values: Vec<f32>,
+    /// The same in the frame of a record, with what the cosine becomes in a fourth run.
+    rotated: Vec<f32>,
+}
+
+/// Light that leaves a glossy surface.
+#[derive(Clone, Copy, Debug)]
+pub struct RadianceAnswer {
+    /// Radiance by the glossy lobe.
+    pub glossy: Color,
+    /// Irradiance from the same records.
+    pub irradiance: Color,
+    /// Weighted mean of their errors as a share of the allowed one.
+    pub error: f32,
+    /// Number of records that took part.
+    pub records: u32,
+}
+
+/// General rotations of the basis in use.
+enum Rotation {
+    Hsh(Tilt),
+    Sh(ShRotation),
+}
+
+/// A cache of radiance records for what the camera sees.
+pub struct RadianceCache {
+    cache: Cache,
+    maker: Maker,
+    records: Vec<Radiance>,
+    /// For each record the factor on its gradient: see [`super::Reach::radius`].
+    gradient_scales: Vec<f32>,
+    /// Coefficients of the cosine over the hemisphere.
+    cosine: Vec<f32>,
+    padding: bool,
+}
+
+/// Normals and tangents closer than this are the same frame.
+const SAME: f32 = 1.0 - 1e-5;
+/// What tilting loses or adds is corrected by at most this factor.
+const MOST_CORRECTION: f32 = 2.0;
+const WORLD: Frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z };
+
+impl RadianceCache {
+    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`.
+    pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
+        let order = usize::from(scheme.radiance_order);
+        let maker = Maker {
+            kind: scheme.radiance_basis,
+            bases: (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect(),
+            gradient: scheme.radiance_gradient,
+            rotation: OnceLock::new(),
+        };
+        let cosine = cosine(maker.bases[order - 1].as_ref());
+        let padding = scheme.radiance_padding;
+        let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
+        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), cosine, padding }
+    }
+
+    /// Makes records until every point is covered; gathers take indirect light at their hits from `deeper`. As [`Cache::fill`], of which it is a kind.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Cancelled`]; the cache stays empty then.
+    pub fn fill(
+        &mut self,
+        probe: &dyn RadianceProbe,
+        points: &RadiancePoints,
+        deeper: &Cache,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<FillStats> {
+        let (records, stats) = self.cache.fill_radiance(probe, points, deeper, &self.maker, seed, progress)?;
+        let reach = self.cache.shading_reach(0);
+        let level = self.cache.level(0).map_or(&[][..], |l| l.records());
+        self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
+        self.records = records;
+        Ok(stats)
+    }
+
+    /// The irradiance part of the records, by their ids.
+    pub fn records(&self) -> &[Record] {
+        self.cache.level(0).map_or(&[], |l| l.records())
+    }
+
+    /// The cache of that part.
+    pub fn placement(&self) -> &Cache {
+        &self.cache
+    }
+
+    /// Bytes that records and index occupy.
+    pub fn bytes(&self) -> usize {
+        let numbers: usize = self.records.iter().flat_map(|r| &r.coefficients).map(Vec::len).sum();
+        self.cache.level(0).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers * size_of::<f32>()
+    }
+
+    /// Radiance from the records with ids below `limit` that leaves towards `at.wo` by the lobe with the coefficients `lobe`:
+    ///
+    /// ```text
+    /// L = Σ w_i max(0, c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y)) / Σ w_i      [Krivanek05, Eq. 12-13]
+    /// ```
+    ///
+    /// The gradient is applied before the rotation R_i from the record's frame to the point's, and instead of Λ_i the one vector c is rotated, by the inverse. Each record is clamped by itself; a tilted
+    /// one is scaled so that its irradiance is what the rotational gradient predicts. `None` where no record is valid.
+    pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
+        let index: &Index = self.cache.level(0)?.index();
+        let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
+        if self.maker.kind == BasisKind::Sh {
+            lobe.rotate(&self.cosine, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
+        }
+        index.visit(at, limit, |valid| {
+            let record = &self.records[valid.id as usize];
+            if record.order < lobe.order && !self.padding {
+                return;
+            }
+            let offset = valid.offset * self.gradient_scales[valid.id as usize];
+            let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
+            let radiance = if self.maker.kind == BasisKind::Sh {
+                record.product(offset, runs(&lobe.rotated[..3 * self.cosine.len()]))
+            } else if same {
+                record.product(offset, runs(&lobe.values))
+            } else {
+                let turn = Turn::between(&at.frame, &record.frame);
+                lobe.rotate(&self.cosine, |c| self.maker.rotation().rotate(c, turn));
+                let (lobe, cosine) = lobe.rotated.split_at(3 * self.cosine.len());
+                let tilted = luminance(record.product(offset, [cosine; 3]));
+                let correction = luminance(valid.irradiance) / tilted.max(1e-20);
+                record.product(offset, runs(lobe)) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
+            };
+            glossy += valid.weight * radiance.max(Color::ZERO);
+            irradiance += valid.weight * valid.irradiance;
+            weights += valid.weight;
+            errors += valid.weight * valid.error;
+            count += 1;
+        });
+        (weights > 0.0).then(|| RadianceAnswer {
+            glossy: glossy / weights,
+            irradiance: irradiance / weights,
+            error: errors / weights,
+            records: count,
+        })
+    }
+}
+
+impl LobeCoefficients {
+    /// Rotates all runs, and `cosine` as a fourth, by `rotate`.
+    fn rotate(&mut self, cosine: &[f32], rotate: impl Fn(&mut [f32])) {
+        self.rotated.clear();
+        self.rotated.extend_from_slice(&self.values);
+        self.rotated.extend_from_slice(cosine);
+        self.rotated.chunks_exact_mut(cosine.len()).for_each(rotate);
+    }
+}
+
+impl Radiance {
+    /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`.
+    fn product(&self, offset: Vec3, c: [&[f32]; 3]) -> Color {
+        let count = self.order * self.order;
+        let (dx, dy) = (offset.dot(self.frame.s), offset.dot(self.frame.t));
+        let channel = |k: usize| {
+            let c = &c[k][..count];
+            let [value, s, t] = &self.coefficients;
+            let run = k * count..(k + 1) * count;
+            let value = dot(c, &value[run.clone()]);
+            if s.is_empty() { value } else { value + dx * dot(c, &s[run.clone()]) + dy * dot(c, &t[run]) }
+        };
+        Color::new(channel(0), channel(1), channel(2))
+    }
+
+    /// The distance over which the gradient changes the coefficients by as much as they are, `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
+    pub fn length(&self) -> f32 {
+        let [value, s, t] = self.coefficients.each_ref().map(|c| dot(c, c));
+        if s + t > 0.0 { (value / (s + t)).sqrt() } else { f32::INFINITY }
+    }
+}
+
+impl Maker {
+    /// What a record of `order` bands holds of the gather `samples`.
+    pub fn make(&self, samples: &HemisphereSamples, order: u8) -> Radiance {
+        let order = usize::from(order).clamp(1, self.bases.len());
+        let basis = self.bases[order - 1].as_ref();
+        let mut coefficients = [samples.project(basis), Vec::new(), Vec::new()];
+        if self.gradient != RadianceGradient::None {
+            let [s, t] = samples.radiance_gradient(basis, self.gradient);
+            (coefficients[1], coefficients[2]) = (s, t);
+        }
+        let frame = *samples.frame();
+        if self.kind == BasisKind::Sh {
+            // Spherical harmonics are kept in the world's frame, where records of all normals meet.
+            let turn = Turn::between(&frame, &WORLD);
+            for c in coefficients.iter_mut().flat_map(|c| c.chunks_exact_mut(order * order)) {
+                self.rotation().rotate(c, turn);
+            }
+        }
+        Radiance { frame, order, coefficients }
+    }
+
+    /// Made when the first rotation is asked for: flat surfaces need none.
+    fn rotation(&self) -> &Rotation {
+        self.rotation.get_or_init(|| match self.kind {
+            BasisKind::Hsh => Rotation::Hsh(Tilt::new(self.bases.len())),
+            BasisKind::Sh => Rotation::Sh(ShRotation::new(self.bases.len())),
+        })
+    }
+}
+
+impl Rotation {
+    fn rotate(&self, c: &mut [f32], turn: Turn) {
+        match self {
+            Self::Hsh(tilt) => tilt.rotate(c, turn),
+            Self::Sh(rotation) => rotation.rotate(c, turn),
+        }
+    }
+}
+
+/// The coefficients of the cosine over the hemisphere.
+fn cosine(basis: &dyn Basis) -> Vec<f32> {
+    let mut c = vec![0.0; basis.count()];
+    let mut zonal = Vec::new();
+    // Enough nodes for the products of the cosine with bands of any order.
+    for nodes in gauss_legendre(4 * LANES, 0.0, 1.0).chunks_exact(LANES) {
+        zonal_factors(basis, &std::array::from_fn(|k| nodes[k].0 as f32), &mut zonal);
+        for l in 0..basis.order() {
+            c[index(l, 0)] += (0..LANES).map(|k| TAU * (nodes[k].0 * nodes[k].1) as f32 * zonal[triangle(l, 0)][k]).sum::<f32>();
+        }
+    }
+    c
+}
+
+/// The three runs of coefficients in `c`.
+fn runs(c: &[f32]) -> [&[f32]; 3] {
+    let count = c.len() / 3;
+    [&c[..count], &c[count..2 * count], &c[2 * count..]]
+}
+
+/// The product of two vectors of the same length, in eight interleaved sums.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let (a8, b8) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a8.zip(b8) {
+        for k in 0..LANES {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum::<f32>() + rest
+}
