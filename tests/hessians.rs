@@ -4,11 +4,16 @@
 //! over `runs` gathers are below a third of every tolerance.
 
 use crate::derivative::{LampAndOccluders, Rectangle, occluder, receiver};
+use crate::pictures::{build, load, own, seen};
+use crate::testdata;
 use lumicache::gather::{
     Bundle, Deeper, Density, Derivatives, HemisphereSamples, Layout, NoDeeper, RadianceProbe, TriangleRadiance,
 };
 use lumicache::geometry::SurfacePoint;
+use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::math::{Color, Frame, Vec2, Vec3};
+use lumicache::scene::Scene;
+use std::time::{Duration, Instant};
 
 /// The lamp's plane goes on around the lamp, black: without it the lamp would have silhouettes of its own.
 struct Ceiling(LampAndOccluders);
@@ -228,5 +233,39 @@ fn the_gradient_points_to_the_light() {
         let (g, _) = values(&hybrid(&gathered(&Bright(lamp(min, max)), &at, 32, 3)));
         let direction = Vec2::new(g[0] as f32, g[1] as f32).normalize();
         assert!(direction.dot(towards) > 0.97, "{direction}");
+    }
+}
+
+/// Share of the time of a 1024-ray gather that the derivatives from it take, at a hundred points that the camera of `scene` sees; both are the fastest of five runs. The cheapest gather: one bounce,
+/// so a shadow ray at each hit and nothing behind it.
+fn cost(scene: &Scene) -> f64 {
+    let probe = SceneProbe::new(PathTracer { scene, max_bounces: 1 });
+    let points = seen(scene, &scene.cameras()[0], [10, 10], 0);
+    let mut samples = HemisphereSamples::new(Layout::concentric(1024), Density::Cosine);
+    let mut fastest = [Duration::MAX; 2];
+    for _ in 0..5 {
+        let (mut spent, mut sum) = ([Duration::ZERO; 2], 0.0);
+        for (k, at) in points.iter().enumerate() {
+            let start = Instant::now();
+            samples.gather(&probe, at, 0, &NoDeeper, k as u64);
+            spent[0] += start.elapsed();
+            let start = Instant::now();
+            sum += hybrid(&samples).hessian.ss.x;
+            spent[1] += start.elapsed();
+        }
+        assert!(sum.is_finite());
+        fastest = [0, 1].map(|k| fastest[k].min(spent[k]));
+    }
+    let [gather, derivatives] = fastest.map(|t| 1e6 * t.as_secs_f64() / points.len() as f64);
+    println!("gather {gather:.0} µs, derivatives {derivatives:.0} µs");
+    derivatives / gather
+}
+
+#[test]
+#[ignore = "measures time: run it alone"]
+fn derivatives_cost_less_than_a_tenth_of_the_rays() {
+    assert!(cost(&build(own("cornell-box"))) < 0.1);
+    if let Some(sponza) = testdata::find("scenes/scenes/sponza-dabrovic/sponza-dabrovic.gltf") {
+        assert!(cost(&build(load(&sponza))) < 0.1);
     }
 }

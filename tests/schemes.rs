@@ -1,7 +1,11 @@
 //! Every scheme: how many records it makes, how far they reach, that they cover what they should, and that they hold what they should.
 
 use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, seen, settings};
-use lumicache::cache::{Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Reach, Record, Scheme, Weight};
+use lumicache::cache::{
+    Cache, Curve, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Level, LevelPoints, Metric, PRESETS, Preset, Reach, Record,
+    Scheme, Strata, Weight,
+};
+use lumicache::gather::TranslationalGradient;
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3};
 use lumicache::render::{IntegratorKind, Settings};
@@ -21,6 +25,29 @@ fn staircase(round: usize) -> (Scene, LevelPoints) {
 /// With few rays: what is tested here does not depend on their number.
 fn quick(scheme: Scheme) -> Scheme {
     Scheme { rays: scheme.rays.min(64), ..scheme }
+}
+
+/// Every preset, and a scheme of our own with what no preset has: sectors and extrapolation to second order.
+fn all() -> Vec<(&'static str, Scheme)> {
+    let presets = PRESETS.iter().map(|p| (p.name, p.scheme()));
+    presets.chain([("sectors", sectors())]).collect()
+}
+
+/// The default preset with sectors from the Hessian in the place of its discs.
+pub fn sectors() -> Scheme {
+    Scheme {
+        strata: Strata::Concentric,
+        metric: Metric::Hessian,
+        error_measure: ErrorMeasure::Total,
+        footprint: FootprintKind::Sectors,
+        kernel: Kernel::Schwarzhaupt,
+        error: 1e-5,
+        translational_gradient: TranslationalGradient::Triangulated,
+        extrapolation: Extrapolation::Second,
+        nearest_fraction: 0.0,
+        neighbour_clamp: false,
+        ..Preset::by_name("auto").unwrap().scheme()
+    }
 }
 
 fn first(cache: &Cache) -> &Level {
@@ -157,8 +184,9 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
 fn the_index_finds_what_a_search_of_all_records_finds() {
     let (scene, points) = staircase(0);
     let mut rng = Rng::new(7);
-    for preset in PRESETS {
-        let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
+    for (name, scheme) in all() {
+        scheme.check().unwrap();
+        let (cache, _) = fill(&scene, quick(scheme), &points);
         let records = first(&cache).records();
         let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), cache.scheme().smoothing);
         let mut found = 0;
@@ -183,20 +211,20 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
             let limit = if k % 3 == 0 { rng.next_u64() as u32 % (records.len() as u32 + 1) } else { u32::MAX };
             let (mine, theirs) = (cache.lookup(0, &at, limit), brute_force(&cache, &at, limit as usize));
             let Some((irradiance, error, count)) = theirs else {
-                assert!(mine.is_none(), "{}: {mine:?} at {position}, but no record is valid there", preset.name);
+                assert!(mine.is_none(), "{}: {mine:?} at {position}, but no record is valid there", name);
                 continue;
             };
-            let mine = mine.unwrap_or_else(|| panic!("{}: {count} records are valid at {position}", preset.name));
+            let mine = mine.unwrap_or_else(|| panic!("{}: {count} records are valid at {position}", name));
             // A record whose error is 1 but for rounding may count on one side alone; its weight is then as good as none, but for Ward's.
-            assert!(mine.records.abs_diff(count) <= 1, "{}: {} records for {count}", preset.name, mine.records);
+            assert!(mine.records.abs_diff(count) <= 1, "{}: {} records for {count}", name, mine.records);
             if mine.records == count {
                 let tolerance = 1e-3 * irradiance.max_element();
                 assert!((mine.irradiance - irradiance).abs().max_element() <= tolerance, "{mine:?} for {irradiance}");
-                assert!((mine.error - error).abs() < 1e-3, "{}: error {} for {error}", preset.name, mine.error);
+                assert!((mine.error - error).abs() < 1e-3, "{}: error {} for {error}", name, mine.error);
                 found += 1;
             }
         }
-        assert!(found > 500, "{}: only {found} points had records", preset.name);
+        assert!(found > 500, "{}: only {found} points had records", name);
     }
 }
 
@@ -211,9 +239,15 @@ fn scaled(mut data: SceneData, factor: f32) -> SceneData {
 
 #[test]
 fn the_unit_of_length_does_not_matter() {
+    for preset in ["ward-heckbert92", "jarosz12", "schwarzhaupt12"] {
+        scaled_pictures(preset);
+    }
+}
+
+fn scaled_pictures(preset: &str) {
     let shot = |factor: f32| {
         let scene = build(scaled(own("cornell-box"), factor));
-        let frame = render(&scene, &cached(&scene, "ward-heckbert92", [64, 64], 4));
+        let frame = render(&scene, &cached(&scene, preset, [64, 64], 4));
         let cache = frame.cache.as_ref().unwrap();
         let records: usize = (0..cache.level_count()).map(|k| cache.level(k).unwrap().records().len()).sum();
         (records as f32, beauty(&frame))
@@ -222,8 +256,11 @@ fn the_unit_of_length_does_not_matter() {
     for factor in [1000.0, 0.001] {
         let (scaled_records, scaled_picture) = shot(factor);
         // The random numbers are others, since they belong to positions; so the numbers of records differ a little, too.
-        assert!((scaled_records / records - 1.0).abs() < 0.03, "{records} records, and {scaled_records} at scale {factor}");
-        assert_alike(&format!("scale {factor}"), &scaled_picture, &picture, 0.0, 5e-4, 0.006);
+        assert!(
+            (scaled_records / records - 1.0).abs() < 0.03,
+            "{preset}: {records} records, and {scaled_records} at scale {factor}"
+        );
+        assert_alike(&format!("{preset}, scale {factor}"), &scaled_picture, &picture, 0.0, 5e-4, 0.006);
     }
 }
 

@@ -91,7 +91,9 @@ impl Record {
                     Some(u) => (slope[0] * u.dot(at.frame.s) + slope[1] * u.dot(at.frame.t)).abs(),
                     None => slope[0].hypot(slope[1]),
                 };
-                if value > 0.0 && slope > 0.0 { value / slope } else { f32::INFINITY }
+                // The published clamps bound R_i of metrics that are distances, but the radius itself of those that estimate an error.
+                let scale = if scheme.metric.is_distance() { 1.0 } else { reach.scale };
+                if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
         let fences = if scheme.fences {

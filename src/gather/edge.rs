@@ -13,24 +13,119 @@
 //! with `g = |ĉ|² = 1 - z u(1-u)`, `z = |â - b̂|²`, `G = ∫ 1/g` and all integrals over u in [0, 1]. Nothing is divided by a difference, edges of any direction and length are equally precise, and a ray that
 //! left the scene has p = 0 exactly. Double precision: the shares of neighbouring edges cancel.
 
-use crate::math::{DVec2, DVec3};
+use std::ops::{Add, Mul, Sub};
 
-/// A vertex of the triangulated hemisphere, seen from the receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Vertex {
-    /// Unit direction, z along the receiver's normal.
-    pub direction: DVec3,
-    /// 1/distance; 0 for what is infinitely far.
-    pub inverse: f64,
+/// Edges that are worked on together: what a vector register of AVX2 holds.
+const LANES: usize = 4;
+
+/// One number of each of four edges. The compiler turns its arithmetic into vector instructions.
+#[derive(Clone, Copy, Debug)]
+struct Lanes([f64; LANES]);
+
+macro_rules! by_lane {
+    ($operation:ident, $function:ident, $operator:tt) => {
+        impl $operation for Lanes {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                Self(std::array::from_fn(|k| self.0[k] $operator other.0[k]))
+            }
+        }
+    };
+}
+by_lane!(Add, add, +);
+by_lane!(Sub, sub, -);
+by_lane!(Mul, mul, *);
+
+impl Mul<Lanes> for f64 {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn mul(self, other: Lanes) -> Lanes {
+        Lanes(other.0.map(|x| self * x))
+    }
 }
 
-/// Derivatives in the tangent plane of the irradiance from an edge's left side, per unit radiance: gradient (x, y), Hessian (xx, xy, yy).
-pub(super) type Share = [f64; 5];
+/// A vertex of the triangulated hemisphere, seen from the receiver: unit direction with z along the receiver's normal, and 1/distance, 0 for what is infinitely far.
+pub(super) type Vertex = [f64; 4];
+
+/// Edges on their way into the sum; four wait until they are worked on together.
+pub(super) struct EdgeSum {
+    from: [[f64; BATCH]; 4],
+    to: [[f64; BATCH]; 4],
+    difference: [[f64; BATCH]; 3],
+    waiting: usize,
+    /// Gradient (x, y) and Hessian (xx, xy, yy) in the tangent plane, per channel.
+    sum: [[Lanes; 3]; 5],
+}
+
+/// Edges that wait; many, so that they are out of the processor's store buffers before they are read again.
+const BATCH: usize = 32;
+
+impl EdgeSum {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self {
+            from: [[0.0; BATCH]; 4],
+            to: [[0.0; BATCH]; 4],
+            difference: [[0.0; BATCH]; 3],
+            waiting: 0,
+            sum: [[Lanes([0.0; LANES]); 3]; 5],
+        }
+    }
+
+    /// Adds the edge from `a` to `b`, whose left side is brighter than its right one by `difference`.
+    #[inline]
+    pub fn add(&mut self, a: &Vertex, b: &Vertex, difference: [f64; 3]) {
+        let k = self.waiting;
+        for (slots, x) in self.from.iter_mut().zip(a) {
+            slots[k] = *x;
+        }
+        for (slots, x) in self.to.iter_mut().zip(b) {
+            slots[k] = *x;
+        }
+        for (slots, x) in self.difference.iter_mut().zip(difference) {
+            slots[k] = x;
+        }
+        self.waiting += 1;
+        if self.waiting == BATCH {
+            self.flush();
+        }
+    }
+
+    fn flush(&mut self) {
+        // What is left over in the last lanes counts for nothing.
+        for slots in &mut self.difference {
+            slots[self.waiting..].fill(0.0);
+        }
+        for k in (0..self.waiting).step_by(LANES) {
+            let load = |slots: &[f64; BATCH]| Lanes(std::array::from_fn(|l| slots[k + l]));
+            let share = share(&self.from.each_ref().map(load), &self.to.each_ref().map(load));
+            let difference = self.difference.each_ref().map(load);
+            for (sums, share) in self.sum.iter_mut().zip(share) {
+                for (sum, difference) in sums.iter_mut().zip(difference) {
+                    *sum = *sum + share * difference;
+                }
+            }
+        }
+        self.waiting = 0;
+    }
+
+    /// Gradient (x, y) and Hessian (xx, xy, yy) in the tangent plane, per channel.
+    pub fn finish(mut self) -> [[f64; 3]; 5] {
+        self.flush();
+        self.sum.map(|channels| channels.map(|lanes| lanes.0.iter().sum()))
+    }
+}
 
 /// ∫1/g, ∫u(1-u)/g² and ∫u²(1-u)²/g³ as power series in z: `Σ z^m B(m+1, m+1)`, `Σ (m+1) z^m B(m+2, m+2)`, `Σ ½(m+1)(m+2) z^m B(m+3, m+3)`, B being Euler's beta function.
 const SERIES: [[f64; LONGEST]; 3] = series();
 /// Terms for the widest edges; `(z/4)^m` bounds the m-th one's share, and z is below 2 on every hemisphere of 4 x 4 or more samples.
 const LONGEST: usize = 64;
+/// Up to these z, 8 and 16 terms are enough.
+const NARROW: f64 = 0.07;
+const WIDE: f64 = 0.5;
 
 const fn series() -> [[f64; LONGEST]; 3] {
     let mut out = [[0.0; LONGEST]; 3];
@@ -52,26 +147,22 @@ const fn series() -> [[f64; LONGEST]; 3] {
 }
 
 /// The first N terms of each series.
-#[inline]
-fn sum<const N: usize>(z: f64) -> [f64; 3] {
-    let mut out = [0.0; 3];
-    for (sum, terms) in out.iter_mut().zip(&SERIES) {
-        for t in terms[..N].iter().rev() {
-            *sum = *sum * z + t;
-        }
-    }
-    out
+#[inline(always)]
+fn sum<const N: usize>(z: Lanes) -> [Lanes; 3] {
+    SERIES.each_ref().map(|terms| terms[..N].iter().rev().fold(Lanes([0.0; LANES]), |sum, t| sum * z + Lanes([*t; LANES])))
 }
 
-/// The share of the edge from `a` to `b`.
-#[inline]
-pub(super) fn share(a: &Vertex, b: &Vertex) -> Share {
-    let (p, q) = (a.inverse, b.inverse);
-    let z = a.direction.distance_squared(b.direction);
+/// Derivatives of the irradiance from the left sides of edges, per unit radiance: gradient (x, y), Hessian (xx, xy, yy).
+#[inline(always)]
+fn share([ux, uy, uz, p]: &[Lanes; 4], [vx, vy, vz, q]: &[Lanes; 4]) -> [Lanes; 5] {
+    let [ux, uy, uz, p, vx, vy, vz, q] = [*ux, *uy, *uz, *p, *vx, *vy, *vz, *q];
+    let (dx, dy, dz) = (ux - vx, uy - vy, uz - vz);
+    let z = dx * dx + dy * dy + dz * dz;
     // Enough terms for 12 digits.
-    let [g1, b2, c22] = if z < 0.07 {
+    let widest = z.0.into_iter().fold(0.0, f64::max);
+    let [g1, b2, c22] = if widest < NARROW {
         sum::<8>(z)
-    } else if z < 0.5 {
+    } else if widest < WIDE {
         sum::<16>(z)
     } else {
         sum::<LONGEST>(z)
@@ -85,24 +176,31 @@ pub(super) fn share(a: &Vertex, b: &Vertex) -> Share {
     let c31 = 0.5 * b3 - c22;
     let c40 = 0.5 * g3 - 4.0 * c31 - 3.0 * c22;
 
-    let (u, v) = (a.direction.truncate(), b.direction.truncate());
-    let kappa = u.perp_dot(v);
-    let m = (p * v - q * u).perp();
-    let s = u * (p * a2 + q * b2) + v * (p * b2 + q * a2);
-    let gradient: DVec2 = 0.5 * g1 * m + kappa * s;
+    let kappa = ux * vy - uy * vx;
+    let (mx, my) = (q * uy - p * vy, p * vx - q * ux);
+    let (of_u, of_v) = (p * a2 + q * b2, p * b2 + q * a2);
+    let (sx, sy) = (ux * of_u + vx * of_v, uy * of_u + vy * of_v);
     let (pp, pq, qq) = (p * p, 2.0 * p * q, q * q);
     let trace = (pp + qq) * a2 + pq * b2;
-    let (uu, uv, vv) = (pp * c40 + pq * c31 + qq * c22, pp * c31 + pq * c22 + qq * c31, pp * c22 + pq * c31 + qq * c40);
+    let (uu, uv, vv) = (pp * c40 + pq * c31 + qq * c22, (pp + qq) * c31 + pq * c22, pp * c22 + pq * c31 + qq * c40);
     // 4 ∫ĉĉᵀd²/g³ - Id ∫d²/g².
-    let xx = 4.0 * (uu * u.x * u.x + 2.0 * uv * u.x * v.x + vv * v.x * v.x) - trace;
-    let yy = 4.0 * (uu * u.y * u.y + 2.0 * uv * u.y * v.y + vv * v.y * v.y) - trace;
-    let xy = 4.0 * (uu * u.x * u.y + uv * (u.x * v.y + u.y * v.x) + vv * v.x * v.y);
-    [gradient.x, gradient.y, 2.0 * m.x * s.x + kappa * xx, m.x * s.y + m.y * s.x + kappa * xy, 2.0 * m.y * s.y + kappa * yy]
+    let xx = 4.0 * (uu * ux * ux + 2.0 * uv * ux * vx + vv * vx * vx) - trace;
+    let yy = 4.0 * (uu * uy * uy + 2.0 * uv * uy * vy + vv * vy * vy) - trace;
+    let xy = 4.0 * (uu * ux * uy + uv * (ux * vy + uy * vx) + vv * vx * vy);
+    let half = 0.5 * g1;
+    [
+        half * mx + kappa * sx,
+        half * my + kappa * sy,
+        2.0 * mx * sx + kappa * xx,
+        mx * sy + my * sx + kappa * xy,
+        2.0 * my * sy + kappa * yy,
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::DVec3;
     use crate::sampling::Rng;
 
     /// Irradiance from a polygon of unit radiance, Lambert's formula.
@@ -117,16 +215,18 @@ mod tests {
             .sum()
     }
 
-    fn polygon_share(x: DVec3, corners: &[DVec3]) -> Share {
-        let seen: Vec<Vertex> =
-            corners.iter().map(|c| *c - x).map(|r| Vertex { direction: r.normalize(), inverse: 1.0 / r.length() }).collect();
-        let mut sum = [0.0; 5];
+    fn vertex(direction: DVec3, inverse: f64) -> Vertex {
+        direction.normalize().extend(inverse).to_array()
+    }
+
+    /// The derivatives of the irradiance from a polygon of radiance 1.
+    fn polygon(x: DVec3, corners: &[DVec3]) -> [f64; 5] {
+        let seen: Vec<Vertex> = corners.iter().map(|c| vertex(*c - x, 1.0 / (*c - x).length())).collect();
+        let mut sum = EdgeSum::new();
         for (a, b) in seen.iter().zip(seen.iter().cycle().skip(1)) {
-            for (s, t) in sum.iter_mut().zip(share(a, b)) {
-                *s += t;
-            }
+            sum.add(a, b, [1.0, 0.0, 0.0]);
         }
-        sum
+        sum.finish().map(|c| c[0])
     }
 
     #[test]
@@ -145,7 +245,7 @@ mod tests {
             if widest > 1.5 {
                 continue;
             }
-            let got = polygon_share(DVec3::ZERO, &corners);
+            let got = polygon(DVec3::ZERO, &corners);
             let h = 2e-4 * nearest;
             let e = |i: f64, j: f64| irradiance(DVec3::new(h * i, h * j, 0.0), &corners);
             let expected = [
@@ -164,24 +264,41 @@ mod tests {
 
     #[test]
     fn the_series_meet_where_one_takes_over_from_another() {
-        for z in [0.07, 0.5] {
-            let (short, long) = if z < 0.1 { (sum::<8>(z), sum::<LONGEST>(z)) } else { (sum::<16>(z), sum::<LONGEST>(z)) };
+        let lanes = |z| Lanes([z; LANES]);
+        for (short, long) in
+            [(sum::<8>(lanes(NARROW)), sum::<LONGEST>(lanes(NARROW))), (sum::<16>(lanes(WIDE)), sum::<LONGEST>(lanes(WIDE)))]
+        {
             for (a, b) in short.iter().zip(long) {
-                assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+                assert!((a.0[0] / b.0[0] - 1.0).abs() < 1e-12, "{a:?} {b:?}");
             }
         }
         // ∫1/g is Θ/sin Θ.
         let theta = 1.2_f64;
-        assert!((sum::<LONGEST>(2.0 - 2.0 * theta.cos())[0] - theta / theta.sin()).abs() < 1e-13);
+        assert!((sum::<LONGEST>(lanes(2.0 - 2.0 * theta.cos()))[0].0[0] - theta / theta.sin()).abs() < 1e-13);
     }
 
     #[test]
     fn an_infinitely_far_corner_is_the_limit_of_far_ones() {
-        let direction = |x: f64, y: f64| DVec3::new(x, y, 0.7).normalize();
-        let near = Vertex { direction: direction(0.3, 0.1), inverse: 0.5 };
-        let at = |inverse| share(&near, &Vertex { direction: direction(0.1, 0.4), inverse });
+        let direction = |x: f64, y: f64| DVec3::new(x, y, 0.7);
+        let at = |inverse| {
+            let mut sum = EdgeSum::new();
+            sum.add(&vertex(direction(0.3, 0.1), 0.5), &vertex(direction(0.1, 0.4), inverse), [1.0; 3]);
+            sum.finish()
+        };
         for (limit, close) in at(0.0).iter().zip(at(1e-9)) {
-            assert!((limit - close).abs() < 1e-8, "{limit} {close}");
+            assert!((limit[0] - close[0]).abs() < 1e-8, "{limit:?} {close:?}");
+        }
+    }
+
+    #[test]
+    fn any_number_of_edges_adds_up() {
+        let corners = [DVec3::new(0.3, 0.1, 1.0), DVec3::new(-0.2, 0.5, 2.0), DVec3::new(0.1, -0.4, 1.5)];
+        let once = polygon(DVec3::ZERO, &corners);
+        for times in [2, 10, 11, 43] {
+            let many: Vec<DVec3> = corners.iter().copied().cycle().take(3 * times).collect();
+            for (a, b) in once.iter().zip(polygon(DVec3::ZERO, &many)) {
+                assert!((a * times as f64 - b).abs() < 1e-12 * times as f64, "{times}: {a} {b}");
+            }
         }
     }
 }

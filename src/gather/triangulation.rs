@@ -3,9 +3,9 @@
 //! Neighbouring samples are connected into triangles of constant radiance whose corners are the hits [Schwarzhaupt12]. A triangle between a near and a far hit stands for the silhouette in between: when the
 //! receiver moves, it grows or shrinks as the occluder uncovers or hides what lies behind. So the mesh has derivatives that know of occlusion, although nothing in it is occluded.
 
-use super::edge::{Share, Vertex, share};
-use super::{Derivatives, HemisphereSamples, Layout};
-use crate::math::{Color, DVec3};
+use super::edge::{EdgeSum, Vertex};
+use super::{Derivatives, Gradient, HemisphereSamples, Hessian, Layout};
+use crate::math::Color;
 use serde::{Deserialize, Serialize};
 
 /// Which radiance a triangle has.
@@ -45,35 +45,8 @@ impl HemisphereSamples {
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.
     pub fn triangulated(&self, rule: TriangleRadiance) -> Derivatives {
-        let mut sum = Sum::default();
-        Mesh::new(self, rule).edges(|a, b, left, right| sum.add(a, b, left, right));
-        sum.derivatives()
-    }
-}
-
-/// Shares of edges, per channel.
-#[derive(Default)]
-struct Sum([[f64; 3]; 5]);
-
-impl Sum {
-    /// Adds the edge from `a` to `b`, which has triangles of radiance `left` and `right` on its sides.
-    #[inline]
-    fn add(&mut self, a: &Vertex, b: &Vertex, left: Color, right: Color) {
-        if left == right {
-            return;
-        }
-        let difference = (left - right).as_dvec3().to_array();
-        let share: Share = share(a, b);
-        for (sum, share) in self.0.iter_mut().zip(share) {
-            for (sum, difference) in sum.iter_mut().zip(difference) {
-                *sum += share * difference;
-            }
-        }
-    }
-
-    fn derivatives(&self) -> Derivatives {
-        let [x, y, xx, xy, yy] = self.0.map(|c| Color::from_array(c.map(|c| c as f32)));
-        Derivatives { gradient: super::Gradient { s: x, t: y }, hessian: super::Hessian { ss: xx, st: xy, tt: yy } }
+        let [x, y, xx, xy, yy] = Mesh::new(self, rule).sum().map(|c| Color::from_array(c.map(|c| c as f32)));
+        Derivatives { gradient: Gradient { s: x, t: y }, hessian: Hessian { ss: xx, st: xy, tt: yy } }
     }
 }
 
@@ -84,18 +57,20 @@ impl Mesh {
         let b = &samples.bundle;
         let ring = 4 * (n - 1);
         let mut vertices = Vec::with_capacity(n * n + ring);
-        vertices.extend(b.dir_local.iter().zip(&b.distance).map(|(w, r)| Vertex {
-            direction: w.as_dvec3().normalize(),
+        vertices.extend(b.dir_local.iter().zip(&b.distance).map(|(w, r)| {
+            // Of unit length in single precision; one step of Newton's gives it that in double precision.
+            let w = w.as_dvec3();
+            let w = w * (1.5 - 0.5 * w.length_squared());
             // Something at distance 0 would be infinitely important; it is taken to be as far as the smallest normal number.
-            inverse: 1.0 / f64::from(r.max(f32::MIN_POSITIVE)),
+            [w.x, w.y, w.z, 1.0 / f64::from(r.max(f32::MIN_POSITIVE))]
         }));
         let mut radiance = Vec::with_capacity(n * n + ring);
         radiance.extend_from_slice(&b.radiance);
         for k in 0..ring {
             let sample = Self::border(n, k);
-            let above = vertices[sample];
-            let direction = above.direction.with_z(0.0).try_normalize().unwrap_or(DVec3::X);
-            vertices.push(Vertex { direction, ..above });
+            let [x, y, _, inverse] = vertices[sample];
+            let length = x.hypot(y);
+            vertices.push(if length > 0.0 { [x / length, y / length, 0.0, inverse] } else { [1.0, 0.0, 0.0, inverse] });
             radiance.push(b.radiance[sample]);
         }
         let mut mesh =
@@ -129,7 +104,7 @@ impl Mesh {
 
     #[inline]
     fn triangle(&self, corners: [usize; 3], rule: TriangleRadiance) -> Color {
-        let inverse = corners.map(|c| self.vertices[c].inverse);
+        let inverse = corners.map(|c| self.vertices[c][3]);
         let farthest = inverse[0].min(inverse[1]).min(inverse[2]);
         let limit = match rule {
             TriangleRadiance::Farthest => {
@@ -147,6 +122,17 @@ impl Mesh {
             }
         }
         sum / count
+    }
+
+    /// Gradient and Hessian in the tangent plane, per channel. Only edges between triangles of different radiance count.
+    fn sum(&self) -> [[f64; 3]; 5] {
+        let mut sum = EdgeSum::new();
+        self.edges(|a, b, left, right| {
+            if left != right {
+                sum.add(a, b, (left - right).as_dvec3().to_array());
+            }
+        });
+        sum.finish()
     }
 
     /// Calls `visit(a, b, left, right)` for every edge from vertex a to vertex b between triangles of radiance `left` and `right`; outside the mesh it is black.
@@ -192,7 +178,7 @@ impl Mesh {
 mod tests {
     use super::*;
     use crate::gather::Density;
-    use crate::math::{DMat2, DVec2};
+    use crate::math::{DMat2, DVec2, DVec3};
     use crate::sampling::Rng;
 
     fn furnace(n: u32, seed: u64, radiance: impl Fn(usize) -> Color) -> HemisphereSamples {
@@ -224,21 +210,20 @@ mod tests {
             triangles.push(([here, below, below_next], colors[0]));
             triangles.push(([here, below_next, next], colors[1]));
         }
-        let (mut e, mut sum) = (0.0, [0.0; 5]);
+        let (mut e, mut sum) = (0.0, EdgeSum::new());
         for (corners, radiance) in triangles {
             for k in 0..3 {
                 let (a, b) = (&mesh.vertices[corners[k]], &mesh.vertices[corners[(k + 1) % 3]]);
-                let c = a.direction.cross(b.direction);
-                let angle = c.length().atan2(a.direction.dot(b.direction));
+                let (u, v) = (DVec3::from_slice(a), DVec3::from_slice(b));
+                let c = u.cross(v);
+                let angle = c.length().atan2(u.dot(v));
                 if angle > 0.0 {
                     e += 0.5 * f64::from(radiance.x) * c.z / c.length() * angle;
                 }
-                for (sum, share) in sum.iter_mut().zip(share(a, b)) {
-                    *sum += f64::from(radiance.x) * share;
-                }
+                sum.add(a, b, radiance.as_dvec3().to_array());
             }
         }
-        (e, sum)
+        (e, sum.finish().map(|c| c[0]))
     }
 
     #[test]
@@ -246,9 +231,8 @@ mod tests {
         for n in [4, 9, 32, 96] {
             for seed in 0..4 {
                 let samples = furnace(n, seed, |_| Color::ONE);
-                let mut sum = Sum::default();
-                Mesh::new(&samples, TriangleRadiance::Hybrid).edges(|a, b, left, right| sum.add(a, b, left, right));
-                assert!(sum.0.iter().flatten().all(|x| x.abs() < 1e-9), "{n}: {:?}", sum.0);
+                let sum = Mesh::new(&samples, TriangleRadiance::Hybrid).sum();
+                assert!(sum.iter().flatten().all(|x| x.abs() < 1e-9), "{n}: {sum:?}");
                 let (e, each) = one_by_one(&samples, TriangleRadiance::Hybrid);
                 assert!((e - std::f64::consts::PI).abs() < 1e-9, "{e}");
                 assert!(each.iter().all(|x| x.abs() < 1e-9), "{n}: {each:?}");
