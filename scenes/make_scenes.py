@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
+from ies_hall import ies_hall
 from indirect_room import indirect_room
 
 WHITE = (0.725, 0.71, 0.68)
@@ -474,6 +475,7 @@ def all_scenes():
     yield two_rooms_gap()
     yield mirror_room()
     yield alpha_leaves()
+    yield ies_hall()
 
 
 def main():

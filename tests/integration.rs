@@ -2,6 +2,7 @@
 
 mod accel; // both back ends agree
 mod architecture; // module order, citations, file sizes
+mod bdpt; // bidirectional path tracing
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
