@@ -324,6 +324,22 @@ class Scene:
     def add(self, name, shape, material, at=None, turn=0.0, scale=None):
         return self.node(name, self.mesh(name, shape, material), at, turn, scale)
 
+    def profile(self, ies):
+        """Adds the text of an IES file as a light profile."""
+        self.extensions.add("EXT_lights_ies")
+        lights = self.doc.setdefault("extensions", {}).setdefault("EXT_lights_ies", {"lights": []})["lights"]
+        lights.append({"bufferView": self.view(ies.encode()), "mimeType": "application/x-ies-lm-63"})
+        return len(lights) - 1
+
+    def luminaire(self, name, profile, at, turn=0.0, **more):
+        """Places a luminaire that looks straight down, the plane of horizontal angle 0 turned by `turn` degrees around +Y from +X. `more`: multiplier, color."""
+        # A quarter turn around -X takes -Z down; the turn around +Y comes after it.
+        half, quarter = math.radians(turn) / 2, math.sqrt(0.5)
+        rotation = [f32(quarter * x) for x in (-math.cos(half), math.sin(half), math.sin(half), math.cos(half))]
+        extension = {"EXT_lights_ies": {"light": profile, **more}}
+        node = {"name": name, "translation": [f32(x) for x in at], "rotation": rotation, "extensions": extension}
+        self.doc["scenes"][0]["nodes"].append(self.append("nodes", node))
+
     def camera(self, eye, target, yfov_degrees, name="camera"):
         back = unit(sub(eye, target))
         right = unit(cross((0.0, 1.0, 0.0), back))

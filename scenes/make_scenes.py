@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dim_rooms import slit_light, staircase_room
 from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
+from ies_hall import ies_hall
 from indirect_room import indirect_room
 
 WHITE = (0.725, 0.71, 0.68)
@@ -477,6 +478,7 @@ def all_scenes():
     yield alpha_leaves()
     yield staircase_room()
     yield slit_light()
+    yield ies_hall()
 
 
 def main():

@@ -119,6 +119,9 @@ fn a_sky_lights_the_scene() {
     let bright =
         desk.render("curved-spheres", &["--sky", "overcast,elevation=30", "--env-scale", "2", "--light-units", "radiometric"]);
     assert!(mean(&dim) > 0.0 && mean(&bright) > 1.5 * mean(&dim), "{} {}", mean(&dim), mean(&bright));
+    let both_ways = desk
+        .render("curved-spheres", &["--sky", "overcast,elevation=30", "--light-units", "radiometric", "--integrator", "bdpt"]);
+    assert!((mean(&both_ways) / mean(&dim) - 1.0).abs() < 0.2, "{} {}", mean(&both_ways), mean(&dim));
     desk.fail(&["render", &scene("cornell-box"), "--sky", "stormy"], &["--sky", "\"stormy\"", "overcast"]);
     let both = desk.run(&["render", &scene("cornell-box"), "--sky", "clear", "--env", "a.hdr"]);
     assert_eq!(both.status.code(), Some(2));

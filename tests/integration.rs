@@ -4,6 +4,7 @@ mod accel; // both back ends agree
 mod adaptive; // adaptive caching
 mod architecture; // module order, citations, file sizes
 mod basis; // spherical and hemispherical harmonics
+mod bdpt; // bidirectional path tracing
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
 mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
