@@ -3,6 +3,7 @@
 mod accel; // both back ends agree
 mod architecture; // module order, citations, file sizes
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
+mod cache_files; // caches saved, loaded, joined
 mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
@@ -17,6 +18,7 @@ mod gradients; // the published gradients compared in the Cornell box
 mod header; // the C header and the guard
 mod imagefile; // images in and out
 mod images; // whole pictures against references
+mod installed; // the installed C library and its examples
 mod layers; // both integrators fill the layers alike
 mod leaks; // thin walls
 mod lights; // light sampling
