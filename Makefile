@@ -4,6 +4,8 @@ SHELL := /bin/bash
 CARGO ?= cargo
 OUT ?= out
 SCENE ?= indirect-room
+PREFIX ?= /usr/local
+DESTDIR ?=
 
 # A toolchain that rustup has just installed is not yet on the PATH of the shell that runs make.
 export PATH := $(PATH):$(HOME)/.cargo/bin
@@ -13,7 +15,7 @@ FFI_TESTS := accel:: imagefile::
 IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-quick test-ffi test-embree4 lint scenes bench clean
+.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench clean
 
 help: ## Lists the targets.
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
@@ -30,7 +32,13 @@ demo: build ## Renders a scene to out/demo.exr and out/demo.png (SCENE=NAME pick
 	@echo "The picture: $(abspath $(OUT))/demo.png"
 	@echo "All its layers: $(abspath $(OUT))/demo.exr"
 
-test: setup lint ## Runs every check and test, with and without the system libraries.
+install: setup ## Installs the C library: header, shared and static library, pkg-config file, CMake package (PREFIX=/usr/local DESTDIR=).
+	ffi/install "$(PREFIX)" "$(DESTDIR)"
+
+header: setup ## Writes ffi/include/lumicache.h anew from the source.
+	LUMICACHE_WRITE_HEADER=1 .ci/cargo-test --test integration -- header::
+
+test: setup lint test-loom test-capi ## Runs every check and test, with and without the system libraries.
 	$(CARGO) test --release --locked
 	$(CARGO) build --release --locked --no-default-features
 	.ci/cargo-test --no-default-features --lib -- $(FFI_TESTS)
@@ -52,6 +60,17 @@ ifdef LINKS
 	@# LINKS=libembree4: the tests above were linked with that library.
 	@ldd "$$(ls -t "$${CARGO_TARGET_DIR:-target}"/release/deps/integration-* | grep -v '\.d$$' | head -n 1)" | grep -F "$(LINKS)"
 endif
+
+test-capi: setup ## Installs the C library under target/ and runs its examples: sanitizers, valgrind, pkg-config, CMake.
+	@.ci/setup --packages cmake valgrind g++ binutils python3
+	ffi/install "$${CARGO_TARGET_DIR:-target}/capi"
+	LUMICACHE_PREFIX="$(abspath $(or $(CARGO_TARGET_DIR),target))/capi" .ci/cargo-test --test integration -- installed::
+
+test-loom: setup ## Tries all interleavings of the concurrent parts of the C library.
+	$(CARGO) test --release --locked --manifest-path tests/loom/Cargo.toml
+
+test-hosts: ## Runs the C library inside Mitsuba and Blender, which are downloaded into ~/.cache/lumicache-hosts (1.2 GB).
+	@.ci/hosts
 
 test-embree4: ## Runs test-ffi in a fresh Debian 13, against Embree 4 (needs root).
 	@.ci/embree4

@@ -356,7 +356,7 @@ fn a_described_scene_is_that_of_the_file() {
         for (albedo, emission) in [(0.5, 0.0), (0.0, 5.0)] {
             let mut m: lumi_material_desc = sized();
             ok(unsafe { lumi_material_init(&raw mut m) });
-            (m.base_color, m.emission, m.specular) = ([albedo; 3], [emission; 3], 0.0);
+            (m.base_color, m.emission, m.specular, m.flags) = ([albedo; 3], [emission; 3], 0.0, LUMI_MATERIAL_DOUBLE_SIDED);
             ok(unsafe { lumi_scene_add_material(scene.0, &raw const m, null_mut()) });
         }
     };

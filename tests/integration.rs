@@ -6,6 +6,7 @@ mod architecture; // module order, citations, file sizes
 mod basis; // spherical and hemispherical harmonics
 mod bdpt; // bidirectional path tracing
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
+mod cache_files; // caches saved, loaded, joined
 mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
@@ -22,6 +23,7 @@ mod hessians; // gradients and Hessians of the triangulated hemisphere against c
 mod ies; // measured luminaires
 mod imagefile; // images in and out
 mod images; // whole pictures against references
+mod installed; // the installed C library and its examples
 mod layers; // both integrators fill the layers alike
 mod leaks; // thin walls
 mod lights; // light sampling

@@ -69,8 +69,9 @@ pub(super) struct CacheObject {
 }
 
 impl CacheObject {
-    pub fn settings(&self) -> MutexGuard<'_, Settings> {
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner)
+    /// A copy of the settings: nothing stays locked.
+    pub fn settings(&self) -> Settings {
+        self.settings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The host's progress callback.
@@ -114,7 +115,7 @@ impl CacheObject {
         if self.live.read(|s| s.record_count() > 0) {
             return Err(Fault::operation("the cache has records: clear it before its settings change"));
         }
-        self.settings().set(name, value)?;
+        self.settings.lock().unwrap_or_else(PoisonError::into_inner).set(name, value)?;
         self.live.replace(self.empty()?);
         Ok(())
     }
@@ -156,7 +157,7 @@ impl CacheObject {
     /// Fills all levels, deepest first, from seeds on the first.
     fn build(&self, seeds: Vec<SurfacePoint>) -> Outcome {
         let started = Instant::now();
-        let (settings, snapshot, progress) = (self.settings().clone(), self.live.snapshot(), Progress::default());
+        let (settings, snapshot, progress) = (self.settings(), self.live.snapshot(), Progress::default());
         if snapshot.is_frozen() {
             return Err(Fault::operation("the cache is frozen: it takes no more records"));
         }
@@ -192,14 +193,14 @@ impl CacheObject {
 
     fn load(&self, path: &Path, reuse: bool) -> Outcome {
         let _alone = self.change()?;
-        let scheme = self.settings().scheme.clone();
+        let scheme = self.settings().scheme;
         self.live.replace(CacheFile::read(path)?.into_cache(scheme, &self.origin()?, reuse, path)?);
         Ok(())
     }
 
     fn merge(&self, other: &Self, reuse: bool) -> Outcome {
         let _alone = self.change()?;
-        let (scheme, origin, name) = (self.settings().scheme.clone(), self.origin()?, Path::new("the other cache"));
+        let (scheme, origin, name) = (self.settings().scheme, self.origin()?, Path::new("the other cache"));
         let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
         file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
         self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);

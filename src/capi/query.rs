@@ -186,7 +186,7 @@ impl CacheObject {
         if points.wo.is_none() {
             return Err(Fault::argument("glossy radiance needs wo"));
         }
-        let settings = self.settings().clone();
+        let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
         let (snapshot, n) = (self.live.snapshot(), q.n);

@@ -64,7 +64,7 @@ impl CacheObject {
             return Err(Fault::argument(format!("render: {} x {} pixels, flags {:#x}", desc.width, desc.height, desc.flags)));
         }
         let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
-        let (scene, made_by) = (self.scene.own()?, self.settings().clone());
+        let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
         let settings = Settings {
             integrator: if desc.flags & LUMI_RENDER_PATH != 0 { IntegratorKind::Path } else { IntegratorKind::Cache },
