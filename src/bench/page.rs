@@ -53,7 +53,7 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
     }
     page += "</table>\n";
     if report.rows.iter().any(|r| !r.equal) {
-        page += "<p>* more than 5 % from the wanted number: no error gives it.</p>\n";
+        page += "<p>* more than 5 % from the wanted number: no error that was tried gives it.</p>\n";
     }
     page += &diagram(report);
     page += "<h2>Pictures</h2>\n";

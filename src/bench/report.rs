@@ -345,7 +345,7 @@ impl Report {
             text += &format!("relMSE of the reference itself: {noise:.2e}\n");
         }
         if self.rows.iter().any(|r| !r.equal) {
-            text += "* more than 5 % from the wanted number: no error gives it\n";
+            text += "* more than 5 % from the wanted number: no error that was tried gives it\n";
         }
         text
     }
