@@ -9,6 +9,7 @@ use crate::gather::Deeper;
 use crate::material::Lobe;
 use crate::material::tables::GlossyTables;
 use crate::math::{Color, INV_PI};
+use crate::sampling::Sampler;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -30,6 +31,8 @@ pub struct CachedIntegrator<'a> {
     direct_ns: AtomicU64,
 }
 
+/// Paths from a diffuse surface that no record covers.
+const PATHS: u32 = 8;
 /// Every so many samples the parts of shading are timed, which costs too much to do always.
 const TIMED: usize = 32;
 
@@ -160,6 +163,10 @@ impl<'a> CachedIntegrator<'a> {
             if let Some((ray, light)) = light {
                 shadow(ray, light.scaled(beta), bounces == 0);
             }
+            if sampled == Sampled::Everything && bounces == 0 && !vertex.bsdf.has_glossy() {
+                self.gather(&vertex, &mut sampler, seed, &mut out);
+                return out;
+            }
             let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };
             if scattered.lobe != Lobe::Delta {
                 let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
@@ -189,6 +196,18 @@ impl<'a> CachedIntegrator<'a> {
             found = scene.intersect(&ray, seed);
         }
         out
+    }
+
+    /// Light of a diffuse surface that no record covers, from a few paths: among pixels that records serve, the noise of one path would be a speck.
+    fn gather(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, out: &mut Shaded) {
+        for _ in 0..PATHS {
+            if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
+                let start = Start { bounces: 0, pdf: scattered.pdf, origin: v.origin() };
+                let light = self.tracer.incoming(&next, &start, sampler, seed, Some(self.cache as &dyn Deeper));
+                let (diffuse, glossy) = split(v, &scattered);
+                out.radiance.add((diffuse / PATHS as f32, glossy / PATHS as f32), light);
+            }
+        }
     }
 
     /// The level that a surface behind `bounces` mirrors is looked up on.
