@@ -16,20 +16,14 @@ struct Entry {
     id: u32,
     /// The level's allowed error over the record's own.
     inverse_share: f32,
-    /// Where its [`Detail`] is, plus `SHAPED` if its area is no disc; `PLAIN` if it is one without fences.
+    /// Index of its fences and of its area, plus `SHAPED` if that is no disc; `PLAIN` if it is one without fences.
     detail: u32,
 }
 
-/// Marks a record that has no [`Detail`].
+/// Marks a disc without fences.
 const PLAIN: u32 = SHAPED - 1;
-/// Added to the index of a [`Detail`] whose area is no disc.
+/// Marks what is no disc.
 const SHAPED: u32 = 1 << 31;
-
-/// What the search reads of the few records that pass the first test, and of none of those that are discs without fences.
-struct Detail {
-    area: Footprint,
-    fences: Fences,
-}
 
 /// What extrapolation reads of a record.
 #[derive(Clone, Copy)]
@@ -62,7 +56,9 @@ pub struct Index {
     payloads: Vec<Payload>,
     /// Of every record, for schemes that extrapolate to second order; else empty.
     curves: Vec<Curve>,
-    details: Vec<Detail>,
+    fences: Vec<Fences>,
+    /// One for each of `fences` where areas are no discs; else empty.
+    areas: Vec<Footprint>,
     reach: Reach,
     normal_scale: f32,
     weight: Weight,
@@ -104,7 +100,7 @@ impl Index {
     pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
-        let mut details = Vec::new();
+        let (mut fences, mut areas) = (Vec::new(), Vec::new());
         let mut curves = Vec::new();
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
@@ -122,8 +118,13 @@ impl Index {
             };
             let disc = matches!(area, Footprint::Disc { .. });
             if !disc || !r.fences.planes().is_empty() {
-                entry.detail = details.len() as u32 + if disc { 0 } else { SHAPED };
-                details.push(Detail { area, fences: r.fences });
+                entry.detail = fences.len() as u32;
+                fences.push(r.fences);
+            }
+            if !disc {
+                // All areas of a scheme are of one kind, so that the tables run in step.
+                entry.detail += SHAPED;
+                areas.push(area);
             }
             all.push(entry);
             payloads.push(Payload {
@@ -150,7 +151,8 @@ impl Index {
             entries: Vec::new(),
             payloads,
             curves,
-            details,
+            fences,
+            areas,
             reach,
             normal_scale: reach.normal_scale(),
             weight,
@@ -221,7 +223,7 @@ impl Index {
             let d = d2.sqrt();
             let mut position = d * e.inverse_radius;
             if e.detail >= SHAPED {
-                position = self.details[(e.detail - SHAPED) as usize].area.share(e.normal, offset);
+                position = self.areas[(e.detail - SHAPED) as usize].share(e.normal, offset);
                 if position >= 1.0 {
                     continue;
                 }
@@ -234,7 +236,7 @@ impl Index {
             if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
                 continue;
             }
-            if e.detail != PLAIN && !self.details[(e.detail & PLAIN) as usize].fences.admit(at.position) {
+            if e.detail != PLAIN && !self.fences[(e.detail & PLAIN) as usize].admit(at.position) {
                 continue;
             }
             visit(e, error);
@@ -296,6 +298,7 @@ impl Index {
             + self.entries.len() * size_of::<Entry>()
             + self.payloads.len() * size_of::<Payload>()
             + self.curves.len() * size_of::<Curve>()
-            + self.details.len() * size_of::<Detail>()
+            + self.fences.len() * size_of::<Fences>()
+            + self.areas.len() * size_of::<Footprint>()
     }
 }
