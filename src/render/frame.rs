@@ -76,7 +76,7 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
             (Some(cache), _) => Integrator::Cached(CachedIntegrator::new(tracer, cache)),
             (None, IntegratorKind::Bdpt) => {
                 let camera = settings.camera.clone();
-                Integrator::Bidirectional(Bidirectional::new(tracer, camera, settings.size, settings.window))
+                Integrator::Bidirectional(Box::new(Bidirectional::new(tracer, camera, settings.size, settings.window)))
             }
             (None, _) => Integrator::Path(tracer),
         };
