@@ -148,7 +148,7 @@ pub enum Integrator<'a> {
     /// Path tracing.
     Path(PathTracer<'a>),
     /// Bidirectional path tracing.
-    Bidirectional(Bidirectional<'a>),
+    Bidirectional(Box<Bidirectional<'a>>),
     /// Shading from a filled cache.
     Cached(CachedIntegrator<'a>),
 }

@@ -168,20 +168,20 @@ impl<'a> EmissionSampler<'a> {
             Item::Directional(i) => {
                 let (index, light) = &self.lights.directional()[i];
                 let PunctualLight::Directional { direction, irradiance } = *light else { return None };
-                self.from_infinity(LightSource::Punctual(*index), true, direction, irradiance, place, probability)
+                self.start_at_infinity(LightSource::Punctual(*index), true, direction, irradiance, place, probability)
             }
             Item::Environment => {
                 let environment = self.lights.distant()?;
                 let (towards, density) = environment.sample(None, turn);
                 let radiance = environment.radiance(towards);
-                self.from_infinity(LightSource::Environment, false, -towards, radiance, place, probability * density)
+                self.start_at_infinity(LightSource::Environment, false, -towards, radiance, place, probability * density)
             }
         };
         (emission.measure > 0.0 && emission.measure.is_finite()).then_some(emission)
     }
 
     /// A ray through the disc across the direction that covers the scene.
-    fn from_infinity(
+    fn start_at_infinity(
         &self,
         source: LightSource,
         delta: bool,

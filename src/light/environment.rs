@@ -69,9 +69,7 @@ impl Environment {
             return None;
         }
         for pixel in &mut map.pixels {
-            *pixel = Vec3::from_array(
-                pixel.to_array().map(|v| if v == f32::INFINITY { INFINITE } else { v.max(0.0).min(MAX_RADIANCE) }),
-            );
+            *pixel = Vec3::from_array(pixel.to_array().map(radiance_of));
         }
         let fluence = fluence(&map);
         if weight(fluence) <= 0.0 {
@@ -124,6 +122,15 @@ impl Environment {
             (None, Some(n)) => n.dot(direction).max(0.0) * INV_PI,
             (None, None) => 0.25 * INV_PI,
         }
+    }
+}
+
+/// A pixel's value as a radiance.
+fn radiance_of(value: f32) -> f32 {
+    match value {
+        f32::INFINITY => INFINITE,
+        v if v.is_nan() => 0.0,
+        v => v.clamp(0.0, MAX_RADIANCE),
     }
 }
 

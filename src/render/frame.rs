@@ -117,7 +117,7 @@ pub fn frame_with(
             }
             (None, IntegratorKind::Bdpt) => {
                 let camera = settings.camera.clone();
-                Integrator::Bidirectional(Bidirectional::new(tracer, camera, settings.size, settings.window))
+                Integrator::Bidirectional(Box::new(Bidirectional::new(tracer, camera, settings.size, settings.window)))
             }
             (None, _) => Integrator::Path(tracer),
         };

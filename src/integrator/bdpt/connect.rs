@@ -174,7 +174,7 @@ impl Bidirectional<'_> {
             light: light_parts,
             end: density,
             light_side: [0.0; 2],
-            camera_side: [self.ray_density(v, &end, -light.wi), self.before_camera(work, t, v.to_camera(light.wi))],
+            camera_side: [self.ray_density(v, &end, -light.wi), self.before_camera(work, t, v.camera_density(light.wi))],
             ray: Some(self.tracer.scene.shadow_ray(&v.point, &light)),
             pixel: None,
         })
@@ -200,7 +200,8 @@ impl Bidirectional<'_> {
         let view = self.camera.view(v.point.position, self.size)?;
         let [x0, y0, x1, y1] = self.window;
         let (x, y) = (view.raster.x, view.raster.y);
-        if !(x >= x0 as f32 && x < x1 as f32 && y >= y0 as f32 && y < y1 as f32) || !v.agrees(view.to_camera) {
+        let inside = x >= x0 as f32 && x < x1 as f32 && y >= y0 as f32 && y < y1 as f32;
+        if !inside || !v.agrees(view.to_camera) {
             return None;
         }
         let pixel = (y as u32 - y0) * (x1 - x0) + (x as u32 - x0);
@@ -243,7 +244,7 @@ impl Bidirectional<'_> {
             light,
             end,
             light_side: [y.per_area(at_camera.to_light, z.point.position), before],
-            camera_side: [z.per_area(y.onward(-wi), y.point.position), self.before_camera(work, t, z.to_camera(wi))],
+            camera_side: [z.per_area(y.onward(-wi), y.point.position), self.before_camera(work, t, z.camera_density(wi))],
             ray: Some(ray),
             pixel: None,
         })

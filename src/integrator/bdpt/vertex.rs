@@ -94,7 +94,7 @@ impl Vertex {
     }
 
     /// For a camera path: the density per steradian with which a light path from `light` goes on towards the camera.
-    pub fn to_camera(&self, light: Vec3) -> f32 {
+    pub fn camera_density(&self, light: Vec3) -> f32 {
         self.bsdf.pdf(self.point.frame.to_local(light), self.point.frame.to_local(self.point.wo))
     }
 

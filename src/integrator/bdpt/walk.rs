@@ -91,7 +91,7 @@ impl Bidirectional<'_> {
                 beta *= scattered.weight;
             }
             carried *= scattered.weight;
-            let back = if single { 1.0 } else { vertex.to_camera(to) };
+            let back = if single { 1.0 } else { vertex.camera_density(to) };
             path.vertices[count].vertex.delta = single;
             if let [.., before, _] = &mut path.vertices[..] {
                 before.vertex.backward = before.vertex.per_area(back, vertex.point.position);
