@@ -64,9 +64,7 @@ fn only_the_interface_is_exported() {
     let symbols = run(&prefix, "nm", &["-D", "--defined-only", library], &[]);
     let names: Vec<_> = symbols.lines().filter_map(|l| l.split_whitespace().last()).collect();
     let header = std::fs::read_to_string(prefix.join("include/lumicache.h")).unwrap();
-    let mut declared: Vec<_> =
-        header.lines().filter_map(|l| l.strip_prefix("LUMI_API ")?.split('(').next()?.split([' ', '*']).next_back()).collect();
-    declared.sort_unstable();
+    let declared = crate::header::declared(&header);
     assert_eq!(names, declared);
     // The archive: the same, and nothing of Rust's or C++'s.
     let archive = run(&prefix, "nm", &["-g", "--defined-only", prefix.join("lib/liblumicache.a").to_str().unwrap()], &[]);

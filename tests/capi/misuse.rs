@@ -167,8 +167,7 @@ fn handles_that_are_none_released_or_of_another_kind() {
     assert_eq!(stats(c.0).records, 0);
     // No function was forgotten.
     let header = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ffi/include/lumicache.h")).unwrap();
-    let declared = header.lines().filter_map(|l| l.strip_prefix("LUMI_API ")?.split('(').next()?.split([' ', '*']).next_back());
-    let missing: Vec<_> = declared.filter(|n| !names.contains(n)).collect();
+    let missing: Vec<_> = crate::header::declared(&header).into_iter().filter(|n| !names.contains(&n.as_str())).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }
 
