@@ -64,6 +64,18 @@ fn the_header_is_what_the_source_says() {
     assert!(committed == header, "{} is out of date: run `make header`", path.display());
 }
 
+/// The names of the functions that `header` declares, sorted.
+pub fn declared(header: &str) -> Vec<String> {
+    let code: String = header.lines().filter(|l| !l.trim_start().starts_with("//")).flat_map(|l| [l, "\n"]).collect();
+    let mut names: Vec<String> = code
+        .split("LUMI_API")
+        .filter_map(|rest| rest.split_once('(')?.0.split([' ', '*', '\n']).next_back().map(str::to_owned))
+        .filter(|n| n.starts_with("lumi_"))
+        .collect();
+    names.sort_unstable();
+    names
+}
+
 /// The exported functions, each with its name and the text of its body.
 fn exported(source: &str) -> Vec<(String, String)> {
     source
@@ -110,6 +122,7 @@ fn every_exported_function_goes_through_the_guard() {
 #[test]
 fn every_function_says_from_which_threads_it_may_be_called() {
     let header = generate();
+    assert_eq!(declared(&header).len(), header.matches("\nLUMI_API").count());
     let mut comment = String::new();
     for line in header.lines() {
         if let Some(text) = line.strip_prefix("//") {

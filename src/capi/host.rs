@@ -206,7 +206,8 @@ impl Host {
         if self.is_full() && normal == Vec3::ZERO {
             return Ok(());
         }
-        if !((length - 1.0).abs() < SLACK) {
+        let is_unit = (length - 1.0).abs() < SLACK;
+        if !is_unit {
             return lie(format!("the normal {normal}, which has not unit length"));
         }
         answers.normal[i] = normal / length;

@@ -46,28 +46,24 @@ const UNIT: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 
 
 fn device_calls<'a>() -> Vec<Call<'a>> {
     vec![
-        ("lumi_device_retain", Box::new(|h| unsafe { lumi_device_retain(h.cast()) }.into_none())),
-        ("lumi_device_release", Box::new(|h| unsafe { lumi_device_release(h.cast()) }.into_none())),
+        ("lumi_device_retain", Box::new(|h| none(|| unsafe { lumi_device_retain(h.cast()) }))),
+        ("lumi_device_release", Box::new(|h| none(|| unsafe { lumi_device_release(h.cast()) }))),
         ("lumi_device_set_log", Box::new(|h| Some(unsafe { lumi_device_set_log(h.cast(), None, null_mut()) }))),
         ("lumi_device_get_backend", Box::new(|h| Some(unsafe { lumi_device_get_backend(h.cast(), [0; 64].as_mut_ptr(), 64) }))),
         ("lumi_scene_new", Box::new(|h| Some(unsafe { lumi_scene_new(h.cast(), &mut null_mut()) }))),
     ]
 }
 
-trait IntoNone {
-    fn into_none(self) -> Option<i32>;
-}
-
-impl IntoNone for () {
-    fn into_none(self) -> Option<i32> {
-        None
-    }
+/// A call of a function without a result.
+fn none(call: impl FnOnce()) -> Option<i32> {
+    call();
+    None
 }
 
 fn scene_calls(x: &Sound) -> Vec<Call<'_>> {
     vec![
-        ("lumi_scene_retain", Box::new(|h| unsafe { lumi_scene_retain(h.cast()) }.into_none())),
-        ("lumi_scene_release", Box::new(|h| unsafe { lumi_scene_release(h.cast()) }.into_none())),
+        ("lumi_scene_retain", Box::new(|h| none(|| unsafe { lumi_scene_retain(h.cast()) }))),
+        ("lumi_scene_release", Box::new(|h| none(|| unsafe { lumi_scene_release(h.cast()) }))),
         ("lumi_scene_load_gltf", Box::new(|h| Some(unsafe { lumi_scene_load_gltf(h.cast(), c"a.gltf".as_ptr()) }))),
         ("lumi_scene_add_mesh", Box::new(|h| Some(unsafe { lumi_scene_add_mesh(h.cast(), &raw const x.mesh, null_mut()) }))),
         ("lumi_scene_add_instance", Box::new(|h| Some(unsafe { lumi_scene_add_instance(h.cast(), 0, UNIT.as_ptr()) }))),
@@ -94,8 +90,8 @@ fn scene_calls(x: &Sound) -> Vec<Call<'_>> {
 
 fn cache_calls(x: &Sound) -> Vec<Call<'_>> {
     vec![
-        ("lumi_cache_retain", Box::new(|h| unsafe { lumi_cache_retain(h.cast()) }.into_none())),
-        ("lumi_cache_release", Box::new(|h| unsafe { lumi_cache_release(h.cast()) }.into_none())),
+        ("lumi_cache_retain", Box::new(|h| none(|| unsafe { lumi_cache_retain(h.cast()) }))),
+        ("lumi_cache_release", Box::new(|h| none(|| unsafe { lumi_cache_release(h.cast()) }))),
         ("lumi_cache_set_f32", Box::new(|h| Some(unsafe { lumi_cache_set_f32(h.cast(), c"error".as_ptr(), 0.3) }))),
         ("lumi_cache_set_i32", Box::new(|h| Some(unsafe { lumi_cache_set_i32(h.cast(), c"rays".as_ptr(), 64) }))),
         ("lumi_cache_set_str", Box::new(|h| Some(unsafe { lumi_cache_set_str(h.cast(), c"preset".as_ptr(), c"auto".as_ptr()) }))),
@@ -167,8 +163,7 @@ fn handles_that_are_none_released_or_of_another_kind() {
     assert_eq!(stats(c.0).records, 0);
     // No function was forgotten.
     let header = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ffi/include/lumicache.h")).unwrap();
-    let declared = header.lines().filter_map(|l| l.strip_prefix("LUMI_API ")?.split('(').next()?.split([' ', '*']).next_back());
-    let missing: Vec<_> = declared.filter(|n| !names.contains(n)).collect();
+    let missing: Vec<_> = crate::header::declared(&header).into_iter().filter(|n| !names.contains(&n.as_str())).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }
 

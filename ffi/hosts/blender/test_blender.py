@@ -51,9 +51,9 @@ def room():
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.3, location=(0.4, -0.1, 0.3), segments=32, ring_count=16)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material("sphere", (0.3, 0.4, 0.8)))
-    bpy.ops.object.light_add(type="AREA", location=(0, 0, 1.95))
+    bpy.ops.object.light_add(type="AREA", location=(0, 0, 1.99))
     light = bpy.context.object.data
-    light.energy, light.size = 30, 0.5
+    light.energy, light.size = 30, 0.2  # small: ours blocks light, that of Cycles does not
     bpy.ops.object.camera_add(location=(0, -3.4, 1), rotation=(half, 0, 0))
     scene = bpy.context.scene
     scene.camera = bpy.context.object

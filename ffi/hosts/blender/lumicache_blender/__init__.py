@@ -121,9 +121,11 @@ class Export:
                 return node.inputs[name].default_value
 
             strength = value("Emission Strength")
+            texture = self.texture(node.inputs["Base Color"], material)
             return {
                 **flags,
-                "base_color": np.clip(value("Base Color")[:3], 0, 1),
+                # The library multiplies the two; in Blender a linked socket has no colour of its own.
+                "base_color": np.clip(value("Base Color")[:3], 0, 1) if texture < 0 else (1, 1, 1),
                 "alpha": value("Alpha"),
                 "alpha_mode": 2 if value("Alpha") < 1 else 0,
                 "metallic": value("Metallic"),
@@ -132,7 +134,7 @@ class Export:
                 "specular": min(2 * value("Specular IOR Level"), 1),
                 "transmission": value("Transmission Weight"),
                 "emission": [c * strength for c in value("Emission Color")[:3]],
-                "base_color_texture": self.texture(node.inputs["Base Color"], material),
+                "base_color_texture": texture,
             }
         if "EMISSION" in nodes:
             node = nodes["EMISSION"]
