@@ -314,3 +314,26 @@ fn a_tilted_lobe_is_the_lobe_elsewhere() {
     let error: Vec<f32> = wrong.iter().zip(&expected).map(|(a, b)| a - b).collect();
     assert!(norm(&error) > 0.3 * norm(&expected), "the test tells a rotation from its inverse");
 }
+
+#[test]
+fn tilts_never_add_energy() {
+    let mut rng = Rng::new(7);
+    for order in [2, 6, 14] {
+        let tilt = Tilt::new(order);
+        for degrees in [0.3f32, 4.0, 17.0, 44.0] {
+            let c = random_coefficients(&mut rng, order * order);
+            let mut tilted = c.clone();
+            tilt.rotate(&mut tilted, Turn { alpha: 0.4, beta: degrees.to_radians(), gamma: 1.0 });
+            assert!(norm(&tilted) < 1.0001 * norm(&c), "order {order}, {degrees}: {}", norm(&tilted) / norm(&c));
+            // A function of a lower order is the same function in a table of a higher one, up to what is cut off.
+            let half = (order / 2).max(1).pow(2);
+            let (mut short, mut long) = (c[..half].to_vec(), c.clone());
+            long[half..].fill(0.0);
+            let turn = Turn { alpha: 0.0, beta: degrees.to_radians(), gamma: 2.0 };
+            tilt.rotate(&mut short, turn);
+            tilt.rotate(&mut long, turn);
+            let error: Vec<f32> = short.iter().zip(&long).map(|(a, b)| a - b).collect();
+            assert!(norm(&error) < 1e-5 * norm(&c));
+        }
+    }
+}

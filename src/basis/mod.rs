@@ -109,4 +109,4 @@ pub fn index(l: usize, m: i32) -> usize {
 }
 
 /// The coefficients of cos θ in hemispherical harmonics, `cos θ = a H_00 + b H_10` exactly: with the coefficients λ of incident radiance, irradiance is `a λ_00 + b λ_10`.
-pub const HSH_COSINE: [f32; 2] = [1.253_314_1, 0.723_601_25];
+pub const HSH_COSINE: [f32; 2] = [1.253_314_1, 0.723_601_2];

@@ -26,8 +26,10 @@ pub struct Tilt {
 
 /// Largest tilt in degrees; larger ones are taken to be this.
 const MAX_DEGREES: f64 = 45.0;
-/// Nodes of the quadrature, across the lune and along half of it.
-const NODES: (usize, usize) = (32, 24);
+/// Nodes of the quadrature for each band, across the lune and along half of it: products of two functions of order n are of degree 4n.
+const NODES: (usize, usize) = (4, 3);
+/// Lower orders have the nodes of this one.
+const FEWEST_BANDS: usize = 6;
 
 impl Tilt {
     /// Tilts of harmonics of `order`.
@@ -45,21 +47,22 @@ impl Tilt {
         Self { families, tables, step: step as f32 }
     }
 
-    /// Rotates the function with the coefficients `c`.
+    /// Rotates the function with the coefficients `c`, which may be of a lower order; what the tilt moves to higher bands is cut off.
     pub fn rotate(&self, c: &mut [f32], turn: Turn) {
         rotate_z(c, turn.gamma);
         let t = turn.beta / self.step;
         let k = (t as usize).min(self.tables.len() - 2);
         let (low, high, t) = (&self.tables[k], &self.tables[k + 1], (t - k as f32).min(1.0));
-        let (mut input, mut at) = (Vec::with_capacity(c.len()), 0);
+        let (mut input, mut first) = (Vec::with_capacity(c.len()), 0);
         for family in &self.families {
             input.clear();
-            input.extend(family.iter().map(|&i| c[i]));
-            for &i in family {
-                let row = at..at + family.len();
+            input.extend(family.iter().take_while(|&&i| i < c.len()).map(|&i| c[i]));
+            for (row, &i) in family[..input.len()].iter().enumerate() {
+                let at = first + row * family.len();
+                let row = at..at + input.len();
                 c[i] = dot(&low[row.clone()], &high[row], t, &input);
-                at += family.len();
             }
+            first += family.len() * family.len();
         }
         rotate_z(c, turn.alpha);
     }
@@ -84,10 +87,11 @@ fn table(hsh: &Hsh, families: &[Vec<usize>; 2], beta: f64) -> Vec<f32> {
     let mut matrix = vec![0f32; families.iter().map(|f| f.len() * f.len()).sum()];
     let (mut here, mut there) = (vec![Lane::default(); hsh.count()], vec![Lane::default(); hsh.count()]);
     // w = (ρ cos t, y, ρ sin t), and R⁻¹ w has t + β. Both variables are substituted so that the √cos θ of the functions at the two horizons is smooth. By symmetry y > 0 is enough.
+    let bands = hsh.order().max(FEWEST_BANDS);
     let mut nodes = Vec::new();
-    for (v, weight_v) in gauss_legendre(NODES.1, 0.0, 1.0) {
+    for (v, weight_v) in gauss_legendre(NODES.1 * bands, 0.0, 1.0) {
         let (y, rho) = (FRAC_PI_2 * v).sin_cos();
-        for (s, weight_s) in gauss_legendre(NODES.0, 0.0, 1.0) {
+        for (s, weight_s) in gauss_legendre(NODES.0 * bands, 0.0, 1.0) {
             let t = (PI - beta) * (FRAC_PI_2 * s).sin().powi(2);
             let density = (PI - beta) * FRAC_PI_2 * (PI * s).sin() * FRAC_PI_2 * rho;
             let at = |t: f64| Vec3::new((rho * t.cos()) as f32, y as f32, (rho * t.sin()) as f32);

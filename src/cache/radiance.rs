@@ -151,7 +151,7 @@ impl RadianceCache {
         let index: &Index = self.cache.level(0)?.index();
         let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
         if self.maker.kind == BasisKind::Sh {
-            lobe.rotate(&self.cosine, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
+            lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
         }
         index.visit(at, limit, |valid| {
             let record = &self.records[valid.id as usize];
@@ -161,16 +161,16 @@ impl RadianceCache {
             let offset = valid.offset * self.gradient_scales[valid.id as usize];
             let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
             let radiance = if self.maker.kind == BasisKind::Sh {
-                record.product(offset, runs(&lobe.rotated[..3 * self.cosine.len()]))
+                record.product(offset, lobe.rotated().0)
             } else if same {
                 record.product(offset, runs(&lobe.values))
             } else {
                 let turn = Turn::between(&at.frame, &record.frame);
-                lobe.rotate(&self.cosine, |c| self.maker.rotation().rotate(c, turn));
-                let (lobe, cosine) = lobe.rotated.split_at(3 * self.cosine.len());
+                lobe.rotate(&self.cosine, SPILL, |c| self.maker.rotation().rotate(c, turn));
+                let (lobe, cosine) = lobe.rotated();
                 let tilted = luminance(record.product(offset, [cosine; 3]));
                 let correction = luminance(valid.irradiance) / tilted.max(1e-20);
-                record.product(offset, runs(lobe)) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
+                record.product(offset, lobe) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
             };
             glossy += valid.weight * radiance.max(Color::ZERO);
             irradiance += valid.weight * valid.irradiance;
@@ -187,13 +187,24 @@ impl RadianceCache {
     }
 }
 
+/// Bands beyond those of a lobe that its tilted image has a noticeable share in.
+const SPILL: usize = 2;
+
 impl LobeCoefficients {
-    /// Rotates all runs, and `cosine` as a fourth, by `rotate`.
-    fn rotate(&mut self, cosine: &[f32], rotate: impl Fn(&mut [f32])) {
+    /// Rotates all runs, and `cosine` as a fourth, by `rotate`; `spill` is the number of bands by which the order may grow. The runs are no longer than that order needs.
+    fn rotate(&mut self, cosine: &[f32], spill: usize, rotate: impl Fn(&mut [f32])) {
+        let count = (self.order + spill).pow(2).min(cosine.len());
         self.rotated.clear();
-        self.rotated.extend_from_slice(&self.values);
-        self.rotated.extend_from_slice(cosine);
-        self.rotated.chunks_exact_mut(cosine.len()).for_each(rotate);
+        for run in runs(&self.values).into_iter().chain([cosine]) {
+            self.rotated.extend_from_slice(&run[..count]);
+        }
+        self.rotated.chunks_exact_mut(count).for_each(rotate);
+    }
+
+    /// The rotated runs of the lobe, and that of the cosine.
+    fn rotated(&self) -> ([&[f32]; 3], &[f32]) {
+        let (lobe, cosine) = self.rotated.split_at(self.rotated.len() / 4 * 3);
+        (runs(lobe), cosine)
     }
 }
 
@@ -201,11 +212,12 @@ impl Radiance {
     /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`.
     fn product(&self, offset: Vec3, c: [&[f32]; 3]) -> Color {
         let count = self.order * self.order;
+        let used = count.min(c[0].len());
         let (dx, dy) = (offset.dot(self.frame.s), offset.dot(self.frame.t));
         let channel = |k: usize| {
-            let c = &c[k][..count];
+            let c = &c[k][..used];
             let [value, s, t] = &self.coefficients;
-            let run = k * count..(k + 1) * count;
+            let run = k * count..k * count + used;
             let value = dot(c, &value[run.clone()]);
             if s.is_empty() { value } else { value + dx * dot(c, &s[run.clone()]) + dy * dot(c, &t[run]) }
         };

@@ -1,6 +1,6 @@
 //! A caching scheme as plain data, and the published ones as rows of a table.
 
-use crate::basis::{BasisKind, MAX_ORDER};
+use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{Density, Layout, RadianceGradient, TranslationalGradient, TriangleRadiance};
 use serde::{Deserialize, Serialize};
@@ -133,6 +133,9 @@ pub enum Strata {
     /// Concentric squares: see [`Layout::Concentric`].
     Concentric,
 }
+
+/// Bands of radiance records: more cost more than the paths they replace, and tables of tilts grow with the fifth power.
+const MAX_RADIANCE_ORDER: u8 = 20;
 
 /// Every choice that makes one published caching scheme differ from another. Each field can be set by its name: see [`Scheme::set`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -332,8 +335,6 @@ fn krivanek05() -> Scheme {
     Scheme {
         rays: 1000,
         error: 0.15,
-        // Without these the linear term doubles the value at a record's edge beside walls; the paper says nothing of it.
-        gradient_clamp: true,
         radiance_order: 10,
         radiance_gradient: RadianceGradient::PerSample,
         radiance_density: Density::Uniform,
@@ -663,8 +664,8 @@ impl Scheme {
         if self.translational_gradient == TranslationalGradient::WardHeckbert && self.strata != Strata::Polar {
             return fail("the translational gradient `ward-heckbert` needs strata `polar`");
         }
-        if usize::from(self.radiance_order) > MAX_ORDER {
-            return fail(&format!("setting `radiance_order` must be at most {MAX_ORDER}"));
+        if self.radiance_order > MAX_RADIANCE_ORDER {
+            return fail(&format!("setting `radiance_order` must be at most {MAX_RADIANCE_ORDER}"));
         }
         if !(self.radiance_loss > 0.0 && self.radiance_loss < 1.0) {
             return fail("setting `radiance_loss` must be between 0 and 1");

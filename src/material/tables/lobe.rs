@@ -262,13 +262,10 @@ impl Quadrature {
             c[l * l..(l + 1) * (l + 1)].iter().for_each(|c| add_products(&mut energy, c, -1.0));
             lost.extend(energy.iter().map(|e| *e as f32));
         }
-        let mut out = Vec::new();
-        for p in 0..lobe.parts {
-            for l in 0..order {
-                let first = if lobe.isotropic { 0 } else { -(l as i32) };
-                out.extend((first..=l as i32).map(|m| c[index(l, m)][p] as f32));
-            }
-        }
+        let first = |l: usize| if lobe.isotropic { 0 } else { -(l as i32) };
+        let kept: Vec<[f64; 3]> =
+            (0..order).flat_map(|l| (first(l)..=l as i32).map(move |m| index(l, m))).map(|i| c[i]).collect();
+        let out = (0..lobe.parts).flat_map(|p| kept.iter().map(move |c| c[p] as f32)).collect();
         (lost, out)
     }
 }
