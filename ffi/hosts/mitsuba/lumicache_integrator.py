@@ -7,6 +7,7 @@ Works with everything that Mitsuba can intersect and shade, textures and all lig
     scene = mi.load_dict({..., "integrator": {"type": "lumicache_host"}})
 """
 import sys
+import threading
 from pathlib import Path
 
 import drjit as dr
@@ -45,6 +46,8 @@ class HostIntegrator(mi.SamplingIntegrator):
         self.flags = lumicache.HOST_CONCURRENT if props.get("concurrent", False) else 0
         self.library = lumicache.Library(path, log=lambda severity, text: mi.Log(mi.LogLevel.Warn if severity else mi.LogLevel.Info, text))
         self.cache, self.prepared = None, None
+        # Dr.Jit is used by one thread at a time, whichever that is.
+        self.turn = threading.Lock()
 
     def trace(self, scene, rays):
         """What the callback answers: nearest hits, their normals and albedos, and the direct light that they reflect."""
@@ -64,6 +67,10 @@ class HostIntegrator(mi.SamplingIntegrator):
         rays.normal[:] = rows(normal)
         rays.albedo[:] = np.clip(rows(albedo), 0, 1)
 
+    def locked_trace(self, scene, rays):
+        with self.turn:
+            self.trace(scene, rays)
+
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         if self.prepared is not scene:
             self.prepare(scene, scene.sensors()[sensor] if isinstance(sensor, int) else sensor)
@@ -73,7 +80,7 @@ class HostIntegrator(mi.SamplingIntegrator):
         """Makes records where the camera looks: one point for each pixel."""
         world = self.library.scene()
         box = scene.bbox()
-        world.set_host(lambda rays: self.trace(scene, rays), (tuple(box.min), tuple(box.max)), self.flags)
+        world.set_host(lambda rays: self.locked_trace(scene, rays), (tuple(box.min), tuple(box.max)), self.flags)
         world.commit()
         self.cache = world.cache(self.preset)
         self.cache.set(**self.settings)
