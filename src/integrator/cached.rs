@@ -146,13 +146,14 @@ impl<'a> CachedIntegrator<'a> {
                 out.surface = Some(Surface::new(&point, &bsdf, distance));
             }
 
-            let cached = timed(clock.as_mut().map(|c| &mut c.interpolate), || {
-                self.reflected(&vertex, bounces, sample.limit, lobe, &mut out).or_else(|| {
-                    let diffuse = self.cached(&vertex, bounces, sample.limit, &mut out)?;
-                    Some((Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy))
-                })
+            let (cached, served) = timed(clock.as_mut().map(|c| &mut c.interpolate), || {
+                let reflected = self.reflected(&vertex, bounces, sample.limit, lobe, &mut out);
+                let served = reflected.is_some();
+                let mut diffuse = || self.cached(&vertex, bounces, sample.limit, &mut out);
+                (reflected.or_else(|| Some(Reflected { diffuse: diffuse()?, glossy: Color::ZERO })), served)
             });
-            let (indirect, sampled) = cached.unwrap_or((Reflected::default(), Sampled::Everything));
+            let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
+            let indirect = cached.unwrap_or_default();
             if bounces == 0 {
                 out.radiance.diffuse_indirect += indirect.diffuse;
                 out.radiance.glossy_indirect += indirect.glossy;
@@ -170,12 +171,14 @@ impl<'a> CachedIntegrator<'a> {
             let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };
             if scattered.lobe != Lobe::Delta {
                 let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
-                let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(self.cache as &dyn Deeper));
+                // Where records serve the gloss too, the direction only looks for emitters, which light samples alone would find with more noise.
+                let tracer = if served { PathTracer { max_bounces: bounces, ..self.tracer } } else { self.tracer };
+                let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.cache as &dyn Deeper));
                 if bounces == 0 {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
                         // The cache has the diffuse lobe: all of this weight is the others'.
-                        Sampled::Glossy | Sampled::Nothing => (Color::ZERO, scattered.weight),
+                        Sampled::Glossy => (Color::ZERO, scattered.weight),
                     };
                     out.radiance.add(weights, light);
                 } else {
@@ -224,7 +227,7 @@ impl<'a> CachedIntegrator<'a> {
         limit: u32,
         lobe: &mut LobeCoefficients,
         out: &mut Shaded,
-    ) -> Option<(Reflected, Sampled)> {
+    ) -> Option<Reflected> {
         if v.bsdf.is_delta_only() || !v.bsdf.has_glossy() {
             return None;
         }
@@ -248,7 +251,7 @@ impl<'a> CachedIntegrator<'a> {
             }
         }
         let diffuse = v.bsdf.diffuse_albedo(wo) * answer.irradiance * INV_PI;
-        Some((Reflected { diffuse, glossy: answer.glossy }, Sampled::Nothing))
+        Some(Reflected { diffuse, glossy: answer.glossy })
     }
 
     /// Radiance of indirect light that leaves by the diffuse lobe, from the cache.

@@ -54,8 +54,6 @@ pub(super) enum Sampled {
     Everything,
     /// All but the diffuse one, whose indirect light a cache knows: light samples alone account for its direct light.
     Glossy,
-    /// None: a cache knows the indirect light of all of them.
-    Nothing,
 }
 
 /// A vertex from which the next ray leaves.
@@ -263,14 +261,14 @@ impl PathTracer<'_> {
 
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
     pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
-        if sampled == Sampled::Nothing || (sampled == Sampled::Glossy && !v.bsdf.has_glossy()) {
+        if sampled == Sampled::Glossy && !v.bsdf.has_glossy() {
             return None;
         }
         let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
             Sampled::Everything => v.bsdf.sample(wo, lobe, u),
-            Sampled::Glossy | Sampled::Nothing => v.bsdf.sample_glossy(wo, lobe, u),
+            Sampled::Glossy => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
     }
@@ -340,7 +338,6 @@ pub(super) fn reflected(
             (w, w)
         }
         Sampled::Glossy => (1.0, weight(glossy_pdf)),
-        Sampled::Nothing => (1.0, 1.0),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })
