@@ -125,7 +125,7 @@ impl Column for Option<Curve> {
     fn get(bytes: &[u8]) -> Option<Self> {
         let parts: Option<Vec<Vec3>> = bytes.chunks_exact(12).map(Vec3::get).collect();
         let &[s, t, ss, st, tt] = parts?.as_slice() else { return None };
-        Some((s != Vec3::ZERO).then(|| Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }))
+        Some((s != Vec3::ZERO).then_some(Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }))
     }
 }
 
