@@ -168,8 +168,8 @@ fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scheme::Preset;
     use super::*;
+    use crate::cache::Preset;
     use crate::math::Vec3;
     use crate::sampling::Rng;
 

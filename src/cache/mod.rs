@@ -16,6 +16,7 @@ mod index;
 mod live;
 mod locate;
 mod metric;
+mod preset;
 mod published;
 mod radiance;
 mod record;
@@ -30,11 +31,10 @@ pub use fill::{FillStats, LevelPoints};
 pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
+pub use preset::{PRESETS, Preset};
 pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
 pub use record::{Curve, Reach, Record};
-pub use scheme::{
-    ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, PRESETS, Preset, Refinement, Scheme, Strata, Weight,
-};
+pub use scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
