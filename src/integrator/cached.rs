@@ -152,7 +152,7 @@ impl<'a> CachedIntegrator<'a> {
                 let mut diffuse = || self.cached(&vertex, bounces, sample.limit, &mut out);
                 (reflected.or_else(|| Some(Reflected { diffuse: diffuse()?, glossy: Color::ZERO })), served)
             });
-            let sampled = if cached.is_some() { Sampled::Glossy } else { Sampled::Everything };
+            let sampled = if cached.is_some() { self.tracer.beside_cache(&vertex) } else { Sampled::Everything };
             let indirect = cached.unwrap_or_default();
             if bounces == 0 {
                 out.radiance.diffuse_indirect += indirect.diffuse;
@@ -160,8 +160,10 @@ impl<'a> CachedIntegrator<'a> {
             } else {
                 out.radiance.glossy_indirect += beta * indirect.sum();
             }
-            let light = timed(clock.as_mut().map(|c| &mut c.direct), || self.tracer.light(&vertex, &mut sampler, sampled));
-            if let Some((ray, light)) = light {
+            let light = timed(clock.as_mut().map(|c| &mut c.direct), || {
+                [self.tracer.light(&vertex, &mut sampler, sampled), self.tracer.sky(&vertex, &mut sampler, sampled)]
+            });
+            for (ray, light) in light.into_iter().flatten() {
                 shadow(ray, light.scaled(beta), bounces == 0);
             }
             if sampled == Sampled::Everything && bounces == 0 && !vertex.bsdf.has_glossy() {
@@ -178,7 +180,7 @@ impl<'a> CachedIntegrator<'a> {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
                         // The cache has the diffuse lobe: all of this weight is the others'.
-                        Sampled::Glossy => (Color::ZERO, scattered.weight),
+                        Sampled::Glossy | Sampled::GlossyAndSky => (Color::ZERO, scattered.weight),
                     };
                     out.radiance.add(weights, light);
                 } else {

@@ -7,7 +7,7 @@ use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
 use crate::math::{Color, INV_PI, Vec3};
-use crate::sampling::Sampler;
+use crate::sampling::{Sampler, cosine_hemisphere_pdf, square_to_cosine_hemisphere};
 use crate::scene::Scene;
 
 /// Paths this short are never ended by Russian roulette.
@@ -54,6 +54,8 @@ pub(super) enum Sampled {
     Everything,
     /// All but the diffuse one, whose indirect light a cache knows: light samples alone account for its direct light.
     Glossy,
+    /// The same, but light samples share the environment's direct light with [`PathTracer::sky`]: seen through a window they hardly ever find it.
+    GlossyAndSky,
 }
 
 /// A vertex from which the next ray leaves.
@@ -234,7 +236,7 @@ impl PathTracer<'_> {
         // Where a cache was asked, the path is one of very many that are averaged, and the rest of it costs more than what it has brought so far. A faint gloss on
         // top of cached light is followed only as often as it matters, and what no cache knows as often as the surface reflects.
         if let (Some(_), Some((sample, _))) = (deeper, &mut next) {
-            let share = if sampled == Sampled::Glossy { GLOSS_SURVIVAL } else { 1.0 };
+            let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let survival = (share * sample.weight.max_element()).min(1.0);
             if sampler.next_1d() < survival {
                 sample.weight /= survival;
@@ -259,16 +261,39 @@ impl PathTracer<'_> {
         Some((self.scene.shadow_ray(&v.point, &light), lit))
     }
 
+    /// What is sampled at a vertex that the camera sees and whose diffuse lobe a cache serves. Gathers average over so many vertices that a second ray at each does not pay.
+    pub(super) fn beside_cache(&self, v: &Vertex) -> Sampled {
+        if v.bsdf.has_diffuse() && self.scene.lights().has_environment() { Sampled::GlossyAndSky } else { Sampled::Glossy }
+    }
+
+    /// Direct light of the environment by a direction of the diffuse lobe, weighed against light samples; `None` unless that is `sampled`.
+    pub(super) fn sky(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(Ray, Reflected)> {
+        if sampled != Sampled::GlossyAndSky {
+            return None;
+        }
+        let local = square_to_cosine_hemisphere(sampler.next_2d());
+        let wi = v.point.frame.to_world(local);
+        let radiance = self.scene.lights().environment(wi);
+        if wi.dot(v.point.ng) <= 0.0 || radiance == Color::ZERO {
+            return None;
+        }
+        let origin = v.origin();
+        let other = self.scene.lights().pdf_environment(origin.position, origin.facing, wi);
+        let weight = power_heuristic(cosine_hemisphere_pdf(local), other);
+        let diffuse = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * radiance * weight;
+        Some((self.scene.spawn(&v.point, wi), Reflected { diffuse, glossy: Color::ZERO }))
+    }
+
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
     pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
-        if sampled == Sampled::Glossy && !v.bsdf.has_glossy() {
+        if sampled != Sampled::Everything && !v.bsdf.has_glossy() {
             return None;
         }
         let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
             Sampled::Everything => v.bsdf.sample(wo, lobe, u),
-            Sampled::Glossy => v.bsdf.sample_glossy(wo, lobe, u),
+            Sampled::Glossy | Sampled::GlossyAndSky => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
     }
@@ -337,7 +362,10 @@ pub(super) fn reflected(
             let w = weight(bsdf.pdf(wo, wi));
             (w, w)
         }
-        Sampled::Glossy => (1.0, weight(glossy_pdf)),
+        Sampled::GlossyAndSky if matches!(light.source, LightSource::Environment) => {
+            (weight(cosine_hemisphere_pdf(wi)), weight(glossy_pdf))
+        }
+        Sampled::Glossy | Sampled::GlossyAndSky => (1.0, weight(glossy_pdf)),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })

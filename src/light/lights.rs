@@ -86,6 +86,11 @@ impl Lights {
         self.emitter_count() == 0 && !self.tree.has_punctual() && self.directional.is_empty() && self.environment.is_none()
     }
 
+    /// True if light comes from all directions at infinity.
+    pub fn has_environment(&self) -> bool {
+        self.environment.is_some()
+    }
+
     /// Number of emissive triangles that have area and radiance.
     pub fn emitter_count(&self) -> usize {
         self.tree.triangles().len()
