@@ -3,9 +3,11 @@
 use lumicache::accel::Backend;
 use lumicache::cache::Preset;
 use lumicache::film::LAYERS;
+use lumicache::light::EnvironmentMap;
+use lumicache::math::{Affine3A, Color};
 use lumicache::progress::Progress;
 use lumicache::render::{Clock, IntegratorKind, Settings, frame};
-use lumicache::scene::Scene;
+use lumicache::scene::{Scene, SceneData};
 use std::path::Path;
 
 /// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of all pixels.
@@ -34,14 +36,17 @@ fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static s
     names.map(|name| (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))).to_vec()
 }
 
-#[test]
-fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
-    // A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
+/// A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
+fn varnished_box() -> SceneData {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.gltf");
     let mut data = lumicache::import::gltf(&path, &Default::default()).unwrap();
     for material in &mut data.materials {
         (material.specular, material.roughness) = (1.0, 0.5);
     }
+    data
+}
+
+fn assert_alike(data: SceneData) {
     let scene = Scene::new(data, Backend::default()).unwrap().0;
     let cached = parts(&scene, IntegratorKind::Cache, 32);
     let traced = parts(&scene, IntegratorKind::Path, 128);
@@ -49,4 +54,24 @@ fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
         // Both means are good to about 1 %; the cache may be biased by another.
         assert!((cached / traced - 1.0).abs() < 0.04, "{name}: {cached} with the cache, {traced} without");
     }
+}
+
+#[test]
+fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
+    assert_alike(varnished_box());
+}
+
+#[test]
+fn so_does_the_light_of_a_sky_with_a_bright_spot() {
+    // The sky is seen through the open front; what light samples and directions of the surface find of it must add up to the whole.
+    let mut data = varnished_box();
+    data.materials.iter_mut().for_each(|m| m.emission = Color::ZERO);
+    let (width, height) = (16, 8);
+    let mut pixels = vec![Color::new(0.5, 0.6, 0.8); width * height];
+    for (column, row) in [(3, 3), (8, 4), (12, 3)] {
+        pixels[row * width + column] = Color::splat(20.0);
+    }
+    data.environment =
+        Some(EnvironmentMap { width: width as u32, height: height as u32, pixels, scale: 1.0, from_world: Affine3A::IDENTITY });
+    assert_alike(data);
 }
