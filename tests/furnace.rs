@@ -134,8 +134,8 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         let spread = (errors.clone().map(|e| e.length_squared() / 3.0).sum::<f32>() / count).sqrt();
         assert!(spread * root < 0.6, "{what}: irradiance is spread by {spread}");
         let off = average(errors).abs().max_element();
-        // Records share the errors of the deeper ones that they look up.
-        assert!(off < 0.004 + 5.0 * spread / count.sqrt(), "{what}: mean irradiance is off by {off}");
+        // Records share the errors of the deeper ones that they look up, of which the deepest have 16 rays that end by roulette.
+        assert!(off < 0.012 + 5.0 * spread / count.sqrt(), "{what}: mean irradiance is off by {off}");
 
         // Changes of the luminance along both tangents, per radian, and over the distance to the walls.
         let gradients = |matrix: fn(&Record) -> (Mat3, f32)| -> Vec<Vec2> {

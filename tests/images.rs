@@ -69,9 +69,9 @@ fn presets_come_near_the_reference() {
 
 #[test]
 fn presets_come_near_the_path_tracer() {
-    // So few rays and pixels leave the room's mean to chance: 1.5 % between seeds, and 2 % of bias without gradients.
+    // So few rays and pixels leave the room's mean to chance: the deepest records have 16 rays, and there is 2 % of bias without gradients.
     // Means over blocks of 4 x 4 pixels, which quiet the path tracer: what is left of its noise is taken off.
-    for (name, size, relmse, mean) in [("cornell-box", [64, 64], 6e-4, 0.01), ("indirect-room", [96, 54], 1.2e-2, 0.05)] {
+    for (name, size, relmse, mean) in [("cornell-box", [64, 64], 6e-4, 0.01), ("indirect-room", [96, 54], 1.6e-2, 0.08)] {
         let scene = build(own(name));
         let half = |seed| {
             let settings = Settings { seed, ..settings(&scene, IntegratorKind::Path, size, 64) };

@@ -102,10 +102,12 @@ fn every_point_that_was_filled_is_covered() {
             for neighbour_clamp in [false, true] {
                 // Without smoothing: the reach under which the level was filled is the one it is used with.
                 let scheme = Scheme { neighbour_clamp, smoothing: 1.0, ..quick(preset.scheme()) };
+                // Clamping and gathering again change records after their round.
+                let settled = !neighbour_clamp && scheme.noise == 0.0;
                 let (cache, stats) = fill(&scene, scheme, &points);
                 let uncovered = points.points.iter().filter(|p| cache.lookup(0, p, u32::MAX).is_none()).count();
                 assert_eq!(uncovered, 0, "{}, neighbour clamping {neighbour_clamp}: points without a record", preset.name);
-                if neighbour_clamp {
+                if !settled {
                     continue;
                 }
                 // One pass: the records that existed when a point's round ended are enough for it.

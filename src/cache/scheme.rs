@@ -363,6 +363,9 @@ impl Scheme {
         if self.refinement != Refinement::None && self.passes != 2 {
             return fail("setting `refinement` needs `passes` 2: records shrink after they are made");
         }
+        if self.noise > 0.0 && self.passes != 2 {
+            return fail("setting `noise` needs `passes` 2: noisy records are gathered again when all are made");
+        }
         let simple = self.kernel != Kernel::Schwarzhaupt
             && self.footprint == FootprintKind::Disc
             && self.extrapolation == Extrapolation::First;
