@@ -7,7 +7,7 @@
 //! themselves: a sound renderer fails one of them with a probability below 1e-5.
 
 use crate::pictures::{build, cached, fill, render, seen, settings};
-use lumicache::cache::{Cache, LevelPoints, PRESETS, Reach, Record};
+use lumicache::cache::{Cache, LevelPoints, Metric, PRESETS, Reach, Record};
 use lumicache::camera::{Camera, Projection};
 use lumicache::geometry::{Geometry, Instance, TriangleMesh};
 use lumicache::light::EnvironmentMap;
@@ -138,16 +138,21 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         assert!(off < 0.012 + 5.0 * spread / count.sqrt(), "{what}: mean irradiance is off by {off}");
 
         // Changes of the luminance along both tangents, per radian, and over the distance to the walls.
-        let gradients = |matrix: fn(&Record) -> (Mat3, f32)| -> Vec<Vec2> {
+        // Metrics that estimate an error have lengths that are distances only after they are scaled by it.
+        let scheme = cache.scheme();
+        let distances = matches!(scheme.metric, Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted);
+        let scale = if distances { 1.0 } else { scheme.radius_scale(k) };
+        let gradients = |matrix: &dyn Fn(&Record) -> (Mat3, f32)| -> Vec<Vec2> {
             let relative = |r: &Record| {
                 let (frame, (m, length)) = (Basis::from_normal(r.normal), matrix(r));
                 Vec2::new(luminance(m * frame.s), luminance(m * frame.t)) * (length / luminance(expected))
             };
             records.iter().map(relative).collect()
         };
-        for (kind, gradients) in
-            [("rotation", gradients(|r| (r.rotation, 1.0))), ("translation", gradients(|r| (r.translation, r.length_unclamped)))]
-        {
+        for (kind, gradients) in [
+            ("rotation", gradients(&|r| (r.rotation, 1.0))),
+            ("translation", gradients(&|r| (r.translation, scale * r.length_unclamped))),
+        ] {
             // The rotational gradient has no finite variance: a ray close to the horizon counts by the tangent of its angle. Hence the median.
             let mut sizes: Vec<f32> = gradients.iter().map(|g| g.length()).collect();
             sizes.sort_by(f32::total_cmp);
