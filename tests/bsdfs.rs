@@ -2,7 +2,7 @@
 
 use lumicache::geometry::SurfacePoint;
 use lumicache::material::{Bsdf, LafortuneLobe, Material, NativeBrdf};
-use lumicache::math::{Color, Frame, Vec2, Vec3, Vec4};
+use lumicache::math::{Color, Frame, Vec2, Vec3};
 use std::f64::consts::PI;
 
 /// SplitMix64 [Steele14], enough for tests.
@@ -41,20 +41,7 @@ pub fn at(theta: f64, phi: f64) -> Vec3 {
 
 /// A point of the plane z = 0 seen from straight above, from behind its triangle if `back_face`.
 pub fn point(back_face: bool) -> SurfacePoint {
-    SurfacePoint {
-        position: Vec3::ZERO,
-        ng: Vec3::Z,
-        frame: Frame::from_normal(Vec3::Z),
-        tangent: Vec4::ZERO,
-        uv: [Vec2::ZERO; 2],
-        color: Vec4::ONE,
-        material: 0,
-        instance: 0,
-        triangle: 0,
-        back_face,
-        wo: Vec3::Z,
-        footprint: 0.0,
-    }
+    SurfacePoint { back_face, ..SurfacePoint::plain(Vec3::ZERO, Vec3::Z) }
 }
 
 /// The BSDF of a material without textures.

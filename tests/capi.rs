@@ -5,7 +5,7 @@ use lumicache::cache::{Cache, LevelPoints, Preset};
 use lumicache::capi::*;
 use lumicache::geometry::SurfacePoint;
 use lumicache::integrator::{PathTracer, SceneProbe};
-use lumicache::math::{Frame, Vec2, Vec3, Vec4};
+use lumicache::math::Vec3;
 use lumicache::progress::Progress;
 use lumicache::sampling::hash;
 use lumicache::scene::Scene;
@@ -189,20 +189,7 @@ fn answers_equal_those_of_the_rust_api() {
     let footprint = 0.002 * scene.size();
     let surface = |(p, n): (&[f32; 3], &[f32; 3])| {
         let n = Vec3::from(*n).normalize();
-        SurfacePoint {
-            position: Vec3::from(*p),
-            ng: n,
-            frame: Frame::from_normal(n),
-            tangent: Vec4::ZERO,
-            uv: [Vec2::ZERO; 2],
-            color: Vec4::ONE,
-            material: 0,
-            instance: 0,
-            triangle: 0,
-            back_face: false,
-            wo: n,
-            footprint,
-        }
+        SurfacePoint { footprint, ..SurfacePoint::plain(Vec3::from(*p), n) }
     };
     let surfaces: Vec<SurfacePoint> = points.0.iter().zip(&points.1).map(surface).collect();
     let pool = rayon::ThreadPoolBuilder::new()

@@ -7,7 +7,7 @@ use lumicache::cache::{Cache, LevelPoints, Preset, Scheme};
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
 use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::material::Material;
-use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3, Vec4};
+use lumicache::math::{Affine3A, Color, Vec3};
 use lumicache::progress::Progress;
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
@@ -111,19 +111,9 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
     let scene = box_of_host_c();
     let scheme = Scheme { rays: 256, ..Preset::by_name("auto").unwrap().scheme() };
     let n = Vec3::Y;
-    let point = |i: usize| SurfacePoint {
-        position: Vec3::new(((i % 64) as f32 + 0.5) / 64.0, 0.0, ((i / 64) as f32 + 0.5) / 64.0),
-        ng: n,
-        frame: Frame::from_normal(n),
-        tangent: Vec4::ZERO,
-        uv: [Vec2::ZERO; 2],
-        color: Vec4::ONE,
-        material: 0,
-        instance: 0,
-        triangle: 0,
-        back_face: false,
-        wo: n,
-        footprint: 0.002 * scene.size(),
+    let point = |i: usize| {
+        let position = Vec3::new(((i % 64) as f32 + 0.5) / 64.0, 0.0, ((i / 64) as f32 + 0.5) / 64.0);
+        SurfacePoint { footprint: 0.002 * scene.size(), ..SurfacePoint::plain(position, n) }
     };
     let points: Vec<_> = (0..64 * 64).map(point).collect();
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };

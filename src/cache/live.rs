@@ -173,7 +173,7 @@ mod tests {
     use super::*;
     use crate::cache::Preset;
     use crate::gather::{Bundle, Deeper};
-    use crate::math::{Color, Frame, Vec2, Vec3, Vec4};
+    use crate::math::{Color, Vec3};
 
     /// A closed sphere of radius 1 around the origin that reflects radiance 2 from everywhere.
     struct Shell;
@@ -186,20 +186,7 @@ mod tests {
     }
 
     fn point(x: f32, y: f32) -> SurfacePoint {
-        SurfacePoint {
-            position: Vec3::new(x, y, 0.0),
-            ng: Vec3::Z,
-            frame: Frame::from_normal(Vec3::Z),
-            tangent: Vec4::ZERO,
-            uv: [Vec2::ZERO; 2],
-            color: Vec4::ONE,
-            material: 0,
-            instance: 0,
-            triangle: 0,
-            back_face: false,
-            wo: Vec3::Z,
-            footprint: 0.01,
-        }
+        SurfacePoint { footprint: 0.01, ..SurfacePoint::plain(Vec3::new(x, y, 0.0), Vec3::Z) }
     }
 
     fn live() -> Live {

@@ -83,24 +83,10 @@ fn morton(coordinates: [u32; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Frame, Vec2, Vec4};
     use crate::sampling::Rng;
 
     fn point(position: Vec3) -> SurfacePoint {
-        SurfacePoint {
-            position,
-            ng: Vec3::Z,
-            frame: Frame::from_normal(Vec3::Z),
-            tangent: Vec4::ZERO,
-            uv: [Vec2::ZERO; 2],
-            color: Vec4::ONE,
-            material: 0,
-            instance: 0,
-            triangle: 0,
-            back_face: false,
-            wo: Vec3::Z,
-            footprint: 0.0,
-        }
+        SurfacePoint::plain(position, Vec3::Z)
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::host::{Answers, Exchange, Host, Rays};
 use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
 use crate::geometry::{SurfacePoint, offset_origin};
-use crate::math::{Color, Frame, INV_PI, Vec2, Vec3, Vec4};
+use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
 use crate::sampling::{hash, square_to_cosine_hemisphere, unit_f32};
 
@@ -28,20 +28,7 @@ pub(super) struct HostProbe<'a> {
 
 /// A surface point of which no more is known than where it is and how it lies.
 pub(super) fn surface_point(position: Vec3, normal: Vec3, ng: Vec3, wo: Vec3, footprint: f32) -> SurfacePoint {
-    SurfacePoint {
-        position,
-        ng: if ng.dot(normal) < 0.0 { -ng } else { ng },
-        frame: Frame::from_normal(normal),
-        tangent: Vec4::ZERO,
-        uv: [Vec2::ZERO; 2],
-        color: Vec4::ONE,
-        material: 0,
-        instance: 0,
-        triangle: 0,
-        back_face: false,
-        wo,
-        footprint,
-    }
+    SurfacePoint { ng: if ng.dot(normal) < 0.0 { -ng } else { ng }, wo, footprint, ..SurfacePoint::plain(position, normal) }
 }
 
 /// A path of one ray of the bundle.

@@ -34,6 +34,24 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
+    /// A point of which no more is known than where it lies and its unit normal, seen from straight above.
+    pub fn plain(position: Vec3, normal: Vec3) -> Self {
+        Self {
+            position,
+            ng: normal,
+            frame: Frame::from_normal(normal),
+            tangent: Vec4::ZERO,
+            uv: [Vec2::ZERO; 2],
+            color: Vec4::ONE,
+            material: 0,
+            instance: 0,
+            triangle: 0,
+            back_face: false,
+            wo: normal,
+            footprint: 0.0,
+        }
+    }
+
     /// The point as [`interpolate`] gives it when it is looked at from the unit direction `wo`: the normals are on that side. Of a point that was not shaded yet.
     #[must_use]
     pub fn seen_from(&self, wo: Vec3) -> Self {
