@@ -331,7 +331,7 @@ fn refinement_costs_little_beside_gathering() {
         let mut samples = HemisphereSamples::new(idle.scheme().layout(0), idle.scheme().density);
         for at in &first.points[..256] {
             samples.gather(&constant, at, 0, &idle, 0);
-            std::hint::black_box(Record::new(idle.scheme(), &reach, at, &samples));
+            std::hint::black_box(Record::new(idle.scheme(), &reach, at, &samples, None));
         }
         let estimates = (cpu_seconds() - start) / 256.0 * records as f64;
         (all, timed.microseconds.into_inner() as f64 * 1e-6 + estimates, looking)
@@ -353,7 +353,7 @@ fn no_record_misses_a_step() {
         records.iter().flat_map(|a| records.iter().map(move |b| (a, b))).filter(|(a, b)| excess(a, b) > 1e-4 * a.length).count()
     };
     assert_eq!(missed(r.records()), 0, "records that missed a feature that their neighbours saw");
-    let free: Vec<Record> = r.records().iter().map(|x| Record { length: x.length_unclamped, ..*x }).collect();
+    let free: Vec<Record> = r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
     assert!(missed(&free) > 0, "the test cannot fail");
 }
 

@@ -4,7 +4,7 @@
 //! shading point, with many more rays.
 
 use super::page;
-use crate::cache::{Appearance, Cache, LevelPoints, Order, Preset, Refinement, Scheme};
+use crate::cache::{Appearance, Cache, Contents, Extrapolation, LevelPoints, Order, Preset, Refinement, Scheme};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
@@ -56,7 +56,7 @@ pub struct Row {
     pub records: usize,
     /// It is within 5 %.
     pub equal: bool,
-    /// The allowed error that gives this number. Where the scheme refines, the smallest allowed error and the visible contrast are scaled with it.
+    /// The allowed error that gives this number. Where the scheme refines, the smallest allowed error and the visible contrast are scaled with it; where it extrapolates along axes, their error.
     pub error: f32,
     /// Passes of refinement.
     pub passes: u32,
@@ -154,7 +154,7 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
     let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
     experiment.picture(&folder.join("reference.png"), &brightness, exposure)?;
     for preset in presets {
-        let base = Scheme { rays: plan.rays, levels: 1, noise: 0.0, ..preset.scheme() };
+        let base = Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents: Contents::Indirect, ..preset.scheme() };
         base.check()?;
         let mut scale = 1.0;
         for &wanted in &plan.records {
@@ -257,6 +257,9 @@ impl Experiment<'_> {
         if scheme.refinement != Refinement::None {
             scheme.error_min *= scale;
             scheme.contrast *= scale;
+        }
+        if scheme.extrapolation == Extrapolation::Axes {
+            scheme.axis_error *= scale;
         }
         let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
         let round = if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };

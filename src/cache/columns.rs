@@ -1,13 +1,16 @@
 //! The fields of a record as columns of bytes: the one place where records become bytes and come back.
 
-use super::{Curve, Fences, Footprint, Record, SECTORS};
+use super::{Axes, Change, Curve, Direct, Fences, Footprint, Quadratic, Record, SECTORS};
 use crate::gather::Hessian;
-use crate::math::{Mat3, Vec3, Vec4};
+use crate::math::{Color, Mat3, Vec3, Vec4};
+use std::sync::Arc;
 
 /// A value of fixed size in a file, little-endian.
 trait Column: Sized {
     /// Bytes of one value.
     const BYTES: usize;
+    /// Zeros stand for nothing: a file whose records all have nothing leaves the column out.
+    const OPTIONAL: bool = false;
     fn put(&self, out: &mut Vec<u8>);
     /// `None` for what no sound record holds.
     fn get(bytes: &[u8]) -> Option<Self>;
@@ -116,6 +119,7 @@ impl Column for Footprint {
 /// Two tangents and the Hessian; all zero for none.
 impl Column for Option<Curve> {
     const BYTES: usize = 24 + 36;
+    const OPTIONAL: bool = true;
 
     fn put(&self, out: &mut Vec<u8>) {
         let (tangents, hessian) = self.map_or(([Vec3::ZERO; 2], Hessian::default()), |c| (c.tangents, c.hessian));
@@ -129,15 +133,85 @@ impl Column for Option<Curve> {
     }
 }
 
+/// First and second order along each axis, for places, then for normals.
+impl Column for Change {
+    const BYTES: usize = 2 * SECTORS * 24;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.travel.iter().chain(&self.turn).flat_map(|q| [q.linear, q.square]).for_each(|v| v.put(out));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let mut change = Self::default();
+        for (q, bytes) in change.travel.iter_mut().chain(&mut change.turn).zip(bytes.chunks_exact(24)) {
+            *q = Quadratic { linear: Vec3::get(&bytes[..12])?, square: Vec3::get(&bytes[12..])? };
+        }
+        Some(change)
+    }
+}
+
+/// The axis, the lengths, indirect light, whether there is direct light, its irradiance and its change; all zero for none.
+impl Column for Option<Arc<Axes>> {
+    const BYTES: usize = 12 + 4 * SECTORS + Change::BYTES + 4 + 12 + Change::BYTES;
+    const OPTIONAL: bool = true;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        if let Some(axes) = self {
+            axes.axis.put(out);
+            axes.lengths.iter().for_each(|r| r.put(out));
+            axes.indirect.put(out);
+            if let Some(direct) = &axes.direct {
+                1.0_f32.put(out);
+                direct.irradiance.put(out);
+                direct.change.put(out);
+            }
+        }
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (axis, bytes) = bytes.split_at_checked(12)?;
+        let (lengths, bytes) = bytes.split_at_checked(4 * SECTORS)?;
+        let (indirect, bytes) = bytes.split_at_checked(Change::BYTES)?;
+        let (lit, bytes) = bytes.split_at_checked(4)?;
+        let (irradiance, change) = bytes.split_at_checked(12)?;
+        let axis = Vec3::get(axis)?;
+        if axis == Vec3::ZERO {
+            return Some(None);
+        }
+        let mut of = [0.0; SECTORS];
+        for (length, bytes) in of.iter_mut().zip(lengths.chunks_exact(4)) {
+            *length = f32::get(bytes).filter(|x| *x > 0.0 && x.is_finite())?;
+        }
+        let direct = match f32::get(lit)? > 0.0 {
+            true => Some(Direct { irradiance: Color::get(irradiance)?, change: Change::get(change)? }),
+            false => None,
+        };
+        let unit = (axis.length() - 1.0).abs() < 1e-3;
+        unit.then_some(Some(Arc::new(Axes { axis, lengths: of, indirect: Change::get(indirect)?, direct })))
+    }
+}
+
+/// What a column is called and holds.
+pub struct Heading {
+    /// The field of the record.
+    pub name: &'static str,
+    /// Bytes of one value.
+    pub bytes: usize,
+    /// A column of zeros may be left out.
+    pub optional: bool,
+}
+
 /// Makes the table from the list of fields. A new field of [`Record`] does not compile until it is in the list, or is named as one that others determine.
 macro_rules! columns {
     ($($field:ident),*) => {
-        /// The name of each column and the bytes of one of its values.
-        pub fn table() -> Vec<(&'static str, usize)> {
-            fn bytes<T: Column>(_: impl Fn(&Record) -> &T) -> usize {
-                T::BYTES
+        /// The columns.
+        pub fn table() -> Vec<Heading> {
+            fn heading<T: Column>(name: &'static str, _: impl Fn(&Record) -> &T) -> Heading {
+                Heading { name, bytes: T::BYTES, optional: T::OPTIONAL }
             }
-            vec![$((stringify!($field), bytes(|r| &r.$field))),*]
+            vec![$(heading(stringify!($field), |r| &r.$field)),*]
         }
 
         /// Appends the values of `record` to `columns`, which are in the order of [`table`].
@@ -160,4 +234,4 @@ macro_rules! columns {
     };
 }
 
-columns!(position, normal, irradiance, rotation, translation, curve, shape, length_unclamped, error, footprint, sigma, fences);
+columns!(position, normal, irradiance, rotation, translation, curve, axes, shape, length_unclamped, error, footprint, sigma, fences);

@@ -221,10 +221,10 @@ impl<'a> Convergence<'a> {
             chosen.iter().for_each(|&p| self.given[p as usize] = true);
             self.changes.resize(self.filling.records.len(), 0);
             for (id, &length) in lengths.iter().enumerate() {
-                let record = self.filling.records[id];
+                let record = &self.filling.records[id];
                 if record.length < length {
                     self.changes[id] += 1;
-                    let radius = area(&self.view.reach, &Record { length, ..record });
+                    let radius = area(&self.view.reach, &Record { length, ..record.clone() });
                     self.locator.within(record.position, radius, |p| stale.insert(p));
                 }
             }

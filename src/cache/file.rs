@@ -14,7 +14,8 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"\x89LUMI\r\n\x1a";
-const VERSION: u32 = 1;
+/// 2: columns in which no record has anything are left out.
+const VERSION: u32 = 2;
 const BYTE_ORDER: u32 = 0x0102_0304;
 const FIXED: usize = 24;
 const HASH: usize = blake3::OUT_LEN;
@@ -169,12 +170,13 @@ impl CacheFile {
         let mut data = Vec::new();
         let mut levels = Vec::new();
         for records in &self.levels {
-            let mut columns: Vec<Vec<u8>> = table.iter().map(|(_, bytes)| Vec::with_capacity(bytes * records.len())).collect();
+            let mut columns: Vec<Vec<u8>> = table.iter().map(|h| Vec::with_capacity(h.bytes * records.len())).collect();
             records.iter().for_each(|r| columns::put(r, &mut columns));
-            let headers = table.iter().zip(columns).map(|((name, bytes), column)| {
+            let kept = table.iter().zip(columns).filter(|(h, column)| !h.optional || column.iter().any(|b| *b != 0));
+            let headers = kept.map(|(heading, column)| {
                 let offset = data.len() as u64;
                 data.extend(column);
-                ColumnHeader { name: (*name).to_owned(), bytes: *bytes as u64, offset }
+                ColumnHeader { name: heading.name.to_owned(), bytes: heading.bytes as u64, offset }
             });
             levels.push(LevelHeader { columns: headers.collect(), records: records.len() as u64 });
         }
@@ -246,13 +248,22 @@ impl LevelHeader {
     fn read(&self, data: &[u8]) -> Option<Vec<Record>> {
         let count = usize::try_from(self.records).ok()?;
         let mut columns = BTreeMap::new();
-        for (name, bytes) in columns::table() {
-            let column = self.columns.iter().find(|c| c.name == name && c.bytes == bytes as u64)?;
-            let start = usize::try_from(column.offset).ok()?;
-            columns.insert(name, (bytes, data.get(start..start.checked_add(bytes.checked_mul(count)?)?)?));
+        let zeros = vec![0; columns::table().iter().map(|h| h.bytes).max()?];
+        for heading in columns::table() {
+            let bytes = heading.bytes;
+            let found = match self.columns.iter().find(|c| c.name == heading.name) {
+                Some(column) if column.bytes == bytes as u64 => {
+                    let start = usize::try_from(column.offset).ok()?;
+                    Some(data.get(start..start.checked_add(bytes.checked_mul(count)?)?)?)
+                }
+                None if heading.optional => None,
+                _ => return None,
+            };
+            columns.insert(heading.name, (bytes, found));
         }
-        (0..count)
-            .map(|i| columns::get(|name| columns.get(name).map(|(bytes, data)| &data[i * bytes..(i + 1) * bytes])))
-            .collect()
+        let value = |name: &str, i: usize| {
+            columns.get(name).map(|&(bytes, data)| data.map_or(&zeros[..bytes], |d| &d[i * bytes..(i + 1) * bytes]))
+        };
+        (0..count).map(|i| columns::get(|name| value(name, i))).collect()
     }
 }

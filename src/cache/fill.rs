@@ -2,7 +2,7 @@
 
 use super::radiance::{Maker, Radiance, RadiancePoints};
 use super::record::clamp_to_neighbours;
-use super::{Cache, Envelope, Index, Level, Reach, Record};
+use super::{Cache, Contents, DirectSamples, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::{Deeper, HemisphereSamples, RadianceProbe};
 use crate::geometry::SurfacePoint;
@@ -435,7 +435,10 @@ impl<'a> Filling<'a> {
 
     /// What the finished gather `samples` at `at` makes.
     fn made(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
-        let mut record = Record::new(&self.cache.scheme, &self.shading_reach, at, samples);
+        let scheme = &self.cache.scheme;
+        let lit = self.level == 0 && scheme.contents == Contents::DirectAndIndirect;
+        let direct = if lit { DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at)) } else { None };
+        let mut record = Record::new(scheme, &self.shading_reach, at, samples, direct.as_ref());
         let radiance = self.maker.map(|m| m.make(samples, order));
         if let Some(radiance) = radiance.as_ref().filter(|_| self.cache.scheme.gradient_clamp) {
             record.shorten(radiance.length());

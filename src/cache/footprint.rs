@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 pub const SECTORS: usize = 8;
 
 /// Unit vectors at the azimuths 45° k; the ninth is the first again.
-const AXES: [Vec2; SECTORS + 1] = [
+pub(super) const AXES: [Vec2; SECTORS + 1] = [
     Vec2::X,
     Vec2::splat(FRAC_1_SQRT_2),
     Vec2::Y,
@@ -121,8 +121,7 @@ impl Footprint {
 
     /// The radius in the direction `v`, any length, in the plane of `axis` and `normal × axis`.
     ///
-    /// Sectors: between the axes k and k + 1 the boundary is `(1-t) r_k + t r_{k+1}`, t being where the ray meets the chord between their ends:
-    /// `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k [Ribardiere11, Eq. 10].
+    /// Sectors: between the axes k and k + 1 the boundary is `(1-t) r_k + t r_{k+1}`, t being where the ray meets the chord between their ends [Ribardiere11, Eq. 10].
     #[inline]
     pub fn boundary(&self, v: Vec2) -> f32 {
         match self {
@@ -132,16 +131,8 @@ impl Footprint {
                 if length > 0.0 { length / (v / Vec2::from(*r)).length() } else { r[0] }
             }
             Self::Sectors { r, .. } => {
-                let steep = v.y.abs() > v.x.abs();
-                let k = match (v.y >= 0.0, v.x >= 0.0) {
-                    (true, true) => usize::from(steep),
-                    (true, false) => 3 - usize::from(steep),
-                    (false, false) => 4 + usize::from(steep),
-                    (false, true) => 7 - usize::from(steep),
-                };
+                let (k, t) = sector(r, v);
                 let (near, far) = (r[k], r[(k + 1) % SECTORS]);
-                let (a, b) = (near * AXES[k].perp_dot(v).max(0.0), far * v.perp_dot(AXES[k + 1]).max(0.0));
-                let t = if a + b > 0.0 { a / (a + b) } else { 0.0 };
                 near + t * (far - near)
             }
         }
@@ -164,6 +155,21 @@ impl Footprint {
             position + area.boundary(Vec2::new(cos, sin)) * (cos * s + sin * t)
         })
     }
+}
+
+/// The axis k before the direction `v`, any length, in the plane of axes with the lengths `r`, and where its ray meets the chord from the end of axis k to that of the next one, as a share of the chord:
+/// `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k.
+#[inline]
+pub(super) fn sector(r: &[f32; SECTORS], v: Vec2) -> (usize, f32) {
+    let steep = v.y.abs() > v.x.abs();
+    let k = match (v.y >= 0.0, v.x >= 0.0) {
+        (true, true) => usize::from(steep),
+        (true, false) => 3 - usize::from(steep),
+        (false, false) => 4 + usize::from(steep),
+        (false, true) => 7 - usize::from(steep),
+    };
+    let (a, b) = (r[k] * AXES[k].perp_dot(v).max(0.0), r[(k + 1) % SECTORS] * v.perp_dot(AXES[k + 1]).max(0.0));
+    (k, if a + b > 0.0 { a / (a + b) } else { 0.0 })
 }
 
 #[cfg(test)]

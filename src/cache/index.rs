@@ -1,11 +1,13 @@
 //! The spatial index of records: an octree whose leaves list every record that may be valid in them.
 
+use super::axes::Axes;
 use super::fence::Fences;
 use super::footprint::Footprint;
 use super::record::{Curve, Reach, Record};
 use super::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::{Color, Mat3, Vec3};
+use std::sync::Arc;
 
 /// What the search reads of a record, kept once for each leaf that lists it.
 #[derive(Clone, Copy)]
@@ -56,6 +58,8 @@ pub struct Index {
     payloads: Vec<Payload>,
     /// Of every record, for schemes that extrapolate to second order; else empty.
     curves: Vec<Curve>,
+    /// Of every record, if any extrapolates along axes; else empty.
+    axes: Vec<Option<Arc<Axes>>>,
     fences: Vec<Fences>,
     /// One for each of `fences` where areas are no discs; else empty.
     areas: Vec<Footprint>,
@@ -78,13 +82,17 @@ pub(super) struct Valid {
     pub share: f32,
     /// Its irradiance extrapolated to the point.
     pub irradiance: Color,
+    /// The same of direct light, if the record holds it.
+    pub direct: Option<Color>,
 }
 
 /// Interpolated irradiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
-    /// Weighted mean of the extrapolated records.
+    /// Weighted mean of the extrapolated records: irradiance of indirect light.
     pub irradiance: Color,
+    /// The same of direct light; `None` unless all records that took part hold it.
+    pub direct: Option<Color>,
     /// Weighted mean of their errors as a share of the allowed one, in [0, 1).
     pub error: f32,
     /// Weighted mean of the errors a_i that they are allowed.
@@ -101,7 +109,7 @@ impl Index {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
         let (mut fences, mut areas) = (Vec::new(), Vec::new());
-        let mut curves = Vec::new();
+        let (mut curves, mut axes) = (Vec::new(), Vec::new());
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
             let (area, gradient_scale) = reach.area(r);
@@ -137,7 +145,11 @@ impl Index {
                 curve.hessian = curve.hessian * gradient_scale.powi(2);
                 curves.push(curve);
             }
+            axes.push(r.axes.clone());
             bounds = bounds.with(r.position - radius).with(r.position + radius);
+        }
+        if axes.iter().all(Option::is_none) {
+            axes = Vec::new();
         }
         let (center, half) = if bounds.is_empty() {
             (Vec3::ZERO, 0.0)
@@ -151,6 +163,7 @@ impl Index {
             entries: Vec::new(),
             payloads,
             curves,
+            axes,
             fences,
             areas,
             reach,
@@ -261,11 +274,16 @@ impl Index {
         self.valid(at, limit, |e, error| {
             let p = &self.payloads[e.id as usize];
             let offset = at.position - e.position;
-            let first = p.translation * offset;
-            let mut value = p.irradiance + p.rotation * e.normal.cross(at.frame.n) + first;
-            if let Some(curve) = self.curves.get(e.id as usize) {
-                value += curve.term(offset, first, p.irradiance);
-            }
+            let mut direct = None;
+            let value = if let Some(Some(axes)) = self.axes.get(e.id as usize) {
+                let (change, of_lights) = axes.at(e.normal, offset, at.frame.n);
+                direct = of_lights;
+                p.irradiance + change
+            } else {
+                let first = p.translation * offset;
+                let bent = self.curves.get(e.id as usize).map_or(Color::ZERO, |c| c.term(offset, first, p.irradiance));
+                p.irradiance + p.rotation * e.normal.cross(at.frame.n) + first + bent
+            };
             visit(Valid {
                 id: e.id,
                 offset,
@@ -273,23 +291,33 @@ impl Index {
                 error,
                 share: 1.0 / e.inverse_share,
                 irradiance: value.max(Color::ZERO),
+                direct,
             });
         });
     }
 
     /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it. `None` where no record is valid.
+    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it, or by [`Axes::at`] instead. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
         let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
+        let mut direct = Some(Color::ZERO);
         self.visit(at, limit, |v| {
             sum += v.weight * v.irradiance;
+            direct = direct.zip(v.direct).map(|(sum, one)| sum + v.weight * one);
             weights += v.weight;
             errors += v.weight * v.error;
             shares += v.weight * v.share;
             records += 1;
         });
         let allowed = self.reach.allowed_error() * shares / weights;
-        (weights > 0.0).then(|| Answer { irradiance: sum / weights, error: errors / weights, allowed, records, weight: weights })
+        (weights > 0.0).then(|| Answer {
+            irradiance: sum / weights,
+            direct: direct.map(|d| d / weights),
+            error: errors / weights,
+            allowed,
+            records,
+            weight: weights,
+        })
     }
 
     /// Bytes that the index occupies.
@@ -298,6 +326,7 @@ impl Index {
             + self.entries.len() * size_of::<Entry>()
             + self.payloads.len() * size_of::<Payload>()
             + self.curves.len() * size_of::<Curve>()
+            + self.axes.len() * size_of::<Option<Arc<Axes>>>()
             + self.fences.len() * size_of::<Fences>()
             + self.areas.len() * size_of::<Footprint>()
     }

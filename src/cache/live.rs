@@ -80,7 +80,7 @@ impl Snapshot {
     pub fn compact(&self) -> Cache {
         let mut cache = self.cache.clone();
         if !self.late.is_empty() {
-            let all = self.records().filter(|(level, _)| *level == 0).map(|(_, r)| *r).collect();
+            let all = self.records().filter(|(level, _)| *level == 0).map(|(_, r)| r.clone()).collect();
             cache.replace(0, all);
         }
         cache
@@ -91,7 +91,7 @@ impl Snapshot {
         let mut late = self.late.clone();
         let mut last = batch;
         while let Some(before) = late.pop_if(|l| l.records().len() < 2 * last.records().len()) {
-            let records = before.records().iter().chain(last.records()).copied().collect();
+            let records = before.records().iter().chain(last.records()).cloned().collect();
             last = self.cache.level_of(0, records);
         }
         late.push(Arc::new(last));
@@ -105,6 +105,7 @@ fn joined(a: &Answer, b: &Answer) -> Answer {
     let (wa, wb) = (a.weight / weight, b.weight / weight);
     Answer {
         irradiance: wa * a.irradiance + wb * b.irradiance,
+        direct: a.direct.zip(b.direct).map(|(a, b)| wa * a + wb * b),
         error: wa * a.error + wb * b.error,
         allowed: wa * a.allowed + wb * b.allowed,
         records: a.records + b.records,

@@ -39,6 +39,9 @@ pub(super) fn shape(
 ) -> Footprint {
     let disc = |r| Footprint::Disc { r };
     match scheme.metric {
+        Metric::Minimum | Metric::MinimumRestricted if scheme.footprint == FootprintKind::Sectors => {
+            sectors(scheme, samples.frame(), samples.sector_distances(scheme.metric == Metric::MinimumRestricted))
+        }
         Metric::Harmonic => disc(samples.harmonic_distance()),
         Metric::Minimum => disc(samples.minimum_distance()),
         Metric::MinimumRestricted => disc(samples.minimum_distance_restricted()),
@@ -130,14 +133,18 @@ impl Curvature<'_> {
             let h = derivatives.hessian.apply(u.as_vec2(), u.as_vec2());
             f64::from(size(h)) + u.dot(floor * u)
         });
-        let mut r: [f32; SECTORS] = std::array::from_fn(|k| {
+        let r = std::array::from_fn(|k| {
             let strongest = [2 * k + SECTORS - 1, 2 * k, 2 * k + 1].into_iter().map(|k| bend[k % SECTORS]).fold(0.0, f64::max);
             self.semi_axes(strongest, strongest)[0] as f32
         });
-        let longest = self.scheme.max_aspect * r.iter().copied().fold(f32::INFINITY, f32::min);
-        r.iter_mut().for_each(|r| *r = r.min(longest));
-        Footprint::Sectors { axis: self.frame.s, r }
+        sectors(self.scheme, self.frame, r)
     }
+}
+
+/// Sectors around the axes of `frame`, none of them longer than the scheme allows.
+fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Footprint {
+    let longest = scheme.max_aspect * r.iter().copied().fold(f32::INFINITY, f32::min);
+    Footprint::Sectors { axis: frame.s, r: r.map(|r| r.min(longest)) }
 }
 
 /// The size of a difference in colour on the scale of luminance, `sqrt(Σ w_c x_c²)` with the weights of luminance: changes of hue that luminance does not see count, too.

@@ -5,6 +5,7 @@
 //! to the first, so a gather reads only finished caches. A scheme may then have the first level [refined](Cache::converge): records that disagree where they
 //! overlap are allowed less error, and more records are made between them.
 
+mod axes;
 mod columns;
 mod converge;
 mod envelope;
@@ -23,6 +24,7 @@ mod record;
 mod scheme;
 mod sync;
 
+pub use axes::{Axes, Change, Direct, DirectSamples, Quadratic};
 pub use converge::Appearance;
 pub use envelope::{Envelope, Nearest};
 pub use fence::Fences;
@@ -34,7 +36,7 @@ pub use live::{Live, Snapshot};
 pub use preset::{PRESETS, Preset};
 pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
 pub use record::{Curve, Reach, Record};
-pub use scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+pub use scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
@@ -60,7 +62,8 @@ impl Level {
 
     /// Bytes that records and index occupy.
     pub fn bytes(&self) -> usize {
-        self.records.len() * size_of::<Record>() + self.index.bytes()
+        let axes = self.records.iter().filter(|r| r.axes.is_some()).count();
+        self.records.len() * size_of::<Record>() + axes * size_of::<Axes>() + self.index.bytes()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The published schemes as rows of a table.
 
-use super::scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+use super::scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{Density, RadianceGradient, TranslationalGradient, TriangleRadiance};
@@ -56,7 +56,11 @@ fn ward88() -> Scheme {
         smoothing: 1.0,
         rotational_gradient: false,
         translational_gradient: TranslationalGradient::None,
+        contents: Contents::Indirect,
         extrapolation: Extrapolation::First,
+        axis_error: 0.05,
+        light_rays: 256,
+        axis_light_rays: 32,
         gradient_clamp: false,
         neighbour_clamp: false,
         refinement: Refinement::None,
@@ -207,6 +211,24 @@ fn hmdic() -> Scheme {
     }
 }
 
+fn aric11() -> Scheme {
+    Scheme {
+        metric: Metric::MinimumRestricted,
+        footprint: FootprintKind::Sectors,
+        // As long as the surroundings allow, whatever is near on the other side.
+        max_aspect: 1e3,
+        kernel: Kernel::Ribardiere,
+        weight: Weight::Hat,
+        error: 1.0,
+        deeper_error: 1.0,
+        contents: Contents::DirectAndIndirect,
+        extrapolation: Extrapolation::Axes,
+        passes: 2,
+        order: Order::Hashed,
+        ..ward88()
+    }
+}
+
 fn auto() -> Scheme {
     Scheme {
         rays: 512,
@@ -270,6 +292,12 @@ pub const PRESETS: &[Preset] = &[
         source: "Ribardiere et al. 2011",
         summary: "their second baseline: harmonic mean distance, neighbour clamping, refinement, a = 0.4",
         scheme: hmdic,
+    },
+    Preset {
+        name: "aric11",
+        source: "Ribardiere et al. 2011",
+        summary: "areas of eight radii, quadratics along eight axes, direct light in the records",
+        scheme: aric11,
     },
     Preset {
         name: "scotty3d",

@@ -1,5 +1,6 @@
 //! One cache record, how it is made from a gather, and how far it reaches.
 
+use super::axes::{self, Axes, DirectSamples};
 use super::envelope::Envelope;
 use super::fence::Fences;
 use super::footprint::Footprint;
@@ -9,12 +10,15 @@ use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Mat3, Vec2, Vec3, luminance};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// sqrt(1 - cos 10°): the normal deviation at which a record of [Tabellion04] ends.
 const TABELLION_NORMAL: f32 = 0.123_257;
 
 /// The normal deviation at which a record of [`Kernel::Schwarzhaupt`] ends: 1 - cos 0.2 rad.
 const SCHWARZHAUPT_NORMAL: f32 = 0.019_933_4;
+/// The normal deviation at which a record of [`Kernel::Ribardiere`] ends: 1 - cos 20°.
+const RIBARDIERE_NORMAL: f32 = 0.060_307_4;
 /// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
 const SECOND_ORDER: f32 = 0.25;
 
@@ -38,7 +42,7 @@ impl Curve {
 }
 
 /// Irradiance of indirect light at a point, with what is needed to use it nearby. World space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// Where the gather started.
     pub position: Vec3,
@@ -52,6 +56,8 @@ pub struct Record {
     pub translation: Mat3,
     /// How irradiance bends with translation, for schemes that extrapolate to second order.
     pub curve: Option<Curve>,
+    /// How irradiance goes on along eight axes, for schemes that extrapolate by them; with direct light, if the record holds that.
+    pub axes: Option<Arc<Axes>>,
     /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours and pixels do not touch them.
     pub shape: Footprint,
     /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are not asked.
@@ -71,8 +77,14 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a gather at `at`, used as far as `reach` says.
-    pub fn new(scheme: &Scheme, reach: &Reach, at: &SurfacePoint, samples: &HemisphereSamples) -> Self {
+    /// The record of a gather at `at`, used as far as `reach` says. It holds direct light, too, if `direct` says what there is.
+    pub fn new(
+        scheme: &Scheme,
+        reach: &Reach,
+        at: &SurfacePoint,
+        samples: &HemisphereSamples,
+        direct: Option<&DirectSamples>,
+    ) -> Self {
         let irradiance = samples.irradiance();
         let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
         let derivatives = metric::derivatives(scheme, samples);
@@ -96,6 +108,11 @@ impl Record {
                 if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
+        let mut axes = None;
+        if scheme.extrapolation == Extrapolation::Axes {
+            let (fitted, fitting) = axes::fit(scheme, reach, at, samples, irradiance, shape, direct);
+            (axes, shape) = (Some(Arc::new(fitted)), fitting);
+        }
         let fences = if scheme.fences {
             Fences::new(samples, at.position, reach.radius(shape.longest(), at.footprint).0)
         } else {
@@ -110,6 +127,7 @@ impl Record {
             translation: gradient.to_world(&at.frame),
             curve: (scheme.extrapolation == Extrapolation::Second)
                 .then_some(Curve { tangents: [at.frame.s, at.frame.t], hessian: derivatives.hessian }),
+            axes,
             shape,
             limit: f32::INFINITY,
             length_unclamped: length,
@@ -201,7 +219,7 @@ impl Reach {
     /// translational gradient must shrink because a lower limit has raised the radius: over the larger area the linear term must not grow.
     pub fn radius(&self, length: f32, footprint: f32) -> (f32, f32) {
         let wanted = match self.kernel {
-            Kernel::Ward | Kernel::Schwarzhaupt => self.scale * length,
+            Kernel::Ward | Kernel::Schwarzhaupt | Kernel::Ribardiere => self.scale * length,
             Kernel::Tabellion => 0.5 * length,
         };
         let upper = if self.max_pixels > 0.0 { self.max_radius.min(self.max_pixels * footprint) } else { self.max_radius };
@@ -209,6 +227,16 @@ impl Reach {
         let clamped = wanted.clamp(lower, upper);
         let scale = if self.kernel == Kernel::Tabellion { self.scale } else { 1.0 };
         (clamped * scale * self.smoothing, (wanted / clamped).min(1.0))
+    }
+
+    /// [`Reach::radius`] while the level fills.
+    pub(super) fn radius_filling(&self, length: f32, footprint: f32) -> f32 {
+        self.radius(length, footprint).0 / self.smoothing
+    }
+
+    /// The length R_i whose radius, limits aside, is `radius` while the level fills.
+    pub(super) fn length_of(&self, radius: f32) -> f32 {
+        if self.kernel == Kernel::Tabellion { 2.0 * radius / self.scale } else { radius / self.scale }
     }
 
     /// The area in which `record` is valid, by its position alone: each length turned into a radius. Returns also the factor for its gradient, see [`Reach::radius`].
@@ -243,6 +271,7 @@ impl Reach {
             Kernel::Ward => 1.0 / (self.error * self.smoothing),
             Kernel::Tabellion => 1.0 / (TABELLION_NORMAL * self.error * self.smoothing),
             Kernel::Schwarzhaupt => 1.0 / (SCHWARZHAUPT_NORMAL.sqrt() * self.smoothing),
+            Kernel::Ribardiere => 1.0 / (RIBARDIERE_NORMAL.sqrt() * self.smoothing),
         }
     }
 
@@ -256,6 +285,8 @@ impl Reach {
             Kernel::Tabellion => position.max(normal),
             // Where the normal alone is too far off, the product could deceive.
             Kernel::Schwarzhaupt => 1.0 - (1.0 - position) * (1.0 - normal * normal).max(0.0),
+            // The chord stands for the angle, of which it is the same share within 0.4 %.
+            Kernel::Ribardiere => 1.0 - (1.0 - position) * (1.0 - normal).max(0.0),
         }
     }
 }

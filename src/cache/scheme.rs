@@ -62,6 +62,18 @@ pub enum Extrapolation {
     First,
     /// By its gradients and its Hessian on the triangulated hemisphere, the second-order term being limited to the first-order one plus a quarter of the irradiance [Zhao, Eq. 3.18].
     Second,
+    /// By quadratics along eight axes, for places and for normals, through values that its samples give as point sources [Ribardiere11, Sec. 5].
+    Axes,
+}
+
+/// Which light records hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Contents {
+    /// Indirect light.
+    Indirect,
+    /// Those of the first level direct light, too, so that no shadow rays are traced where they are used.
+    DirectAndIndirect,
 }
 
 /// How the error of using a record elsewhere is estimated.
@@ -74,6 +86,9 @@ pub enum Kernel {
     Tabellion,
     /// `1 - (1 - t)(1 - ν)`, t being the position as a share of the record's extent and `ν = (1 - n·n_i)/(1 - cos 0.2 rad)`, valid below 1 [Schwarzhaupt12].
     Schwarzhaupt,
+    /// `1 - (1 - z)(1 - α/20°)`, z being the position as a share of the record's extent and α the angle between the normals, valid below 1. The published weight has `1/z - 1` in the place of `1 - z`
+    /// [Ribardiere11, Eq. 25], which is infinite at the record; both are zero where it ends.
+    Ribardiere,
 }
 
 /// How valid records are weighed, as a function of e, their error as a share of the allowed one.
@@ -179,8 +194,16 @@ pub struct Scheme {
     pub rotational_gradient: bool,
     /// Extrapolate along the position's translation.
     pub translational_gradient: TranslationalGradient,
-    /// Extrapolate to first or to second order.
+    /// Which light records hold.
+    pub contents: Contents,
+    /// How records are continued.
     pub extrapolation: Extrapolation,
+    /// With `extrapolation` `axes`: an axis is shortened until irradiance interpolated along it errs by at most this share, ρ of [Ribardiere11, Sec. 6]; 0 switches it off.
+    pub axis_error: f32,
+    /// Light samples for the direct light of a record.
+    pub light_rays: u32,
+    /// Light samples for each place on its axes where direct light is asked for.
+    pub axis_light_rays: u32,
     /// Bound R_i by `E/|∇E|` [Krivanek06, Eq. 2], the radius along an axis v by `E/|∇E·v|`.
     pub gradient_clamp: bool,
     /// Bound R_i by `R_j + |x_i - x_j|` for all records j [Krivanek06, Sec. 5.3].
@@ -275,6 +298,8 @@ impl Scheme {
             density: self.radiance_density,
             error: self.error * self.radiance_error,
             levels: 1,
+            // Their gloss needs its own direct light anyway.
+            contents: Contents::Indirect,
             ..self.clone()
         }
     }
@@ -283,6 +308,8 @@ impl Scheme {
     pub fn scale_quality(&mut self, quality: f32) {
         self.rays = (self.rays as f32 * quality.sqrt()).round().clamp(16.0, 1e6) as u32;
         self.error *= quality.powf(-0.25 / self.radius_power());
+        // What a quadratic leaves out grows with the third power of its length.
+        self.axis_error *= quality.powf(-0.75);
     }
 
     /// Sets the field called `key` to `value`, written as in the output of `lumicache presets`.
@@ -340,6 +367,7 @@ impl Scheme {
             ("min_pixels", self.min_pixels),
             ("max_pixels", self.max_pixels),
             ("nearest_fraction", self.nearest_fraction),
+            ("axis_error", self.axis_error),
         ] {
             if !not_negative(value) {
                 return fail(&format!("setting `{name}` must not be negative"));
@@ -398,8 +426,27 @@ impl Scheme {
         if self.max_aspect < 1.0 {
             return fail("setting `max_aspect` must be at least 1");
         }
-        if self.footprint != FootprintKind::Disc && !matches!(self.metric, Metric::Hessian | Metric::UnoccludedHessian) {
-            return fail("only the metrics `hessian` and `unoccluded-hessian` have another footprint than `disc`");
+        let outlined = match self.metric {
+            Metric::Hessian | Metric::UnoccludedHessian => true,
+            Metric::Minimum | Metric::MinimumRestricted => self.footprint == FootprintKind::Sectors,
+            Metric::Harmonic | Metric::Gradient => false,
+        };
+        if self.footprint != FootprintKind::Disc && !outlined {
+            return fail(
+                "the metrics `hessian` and `unoccluded-hessian` have any footprint, `minimum` and `minimum-restricted` `disc` and `sectors`, the others `disc`",
+            );
+        }
+        let axes = self.extrapolation == Extrapolation::Axes;
+        if axes && !matches!(self.footprint, FootprintKind::Disc | FootprintKind::Sectors) {
+            return fail("the extrapolation `axes` needs footprint `disc` or `sectors`");
+        }
+        if self.contents != Contents::Indirect && !axes {
+            return fail("the contents `direct-and-indirect` need extrapolation `axes`");
+        }
+        for (name, value) in [("light_rays", self.light_rays), ("axis_light_rays", self.axis_light_rays)] {
+            if !(1..=65_536).contains(&value) {
+                return fail(&format!("setting `{name}` must be between 1 and 65536"));
+            }
         }
         Ok(())
     }

@@ -112,9 +112,14 @@ impl Answers {
 #[inline]
 fn look_up(snapshot: &Snapshot, at: &SurfacePoint) -> Option<Answer> {
     if snapshot.cache().level_count() == 0 {
-        return Some(Answer { irradiance: Color::ZERO, error: 0.0, allowed: 0.0, records: 0, weight: 1.0 });
+        return Some(Answer { irradiance: Color::ZERO, direct: None, error: 0.0, allowed: 0.0, records: 0, weight: 1.0 });
     }
     snapshot.lookup(at)
+}
+
+/// All light that the records of an answer hold.
+fn arriving(answer: &Answer) -> Color {
+    answer.irradiance + answer.direct.unwrap_or_default()
 }
 
 impl CacheObject {
@@ -137,7 +142,7 @@ impl CacheObject {
                     match look_up(snapshot, &at) {
                         Some(a) => {
                             hits += 1;
-                            answers.set(i, a.irradiance, a.error, LUMI_POINT_INTERPOLATED);
+                            answers.set(i, arriving(&a), a.error, LUMI_POINT_INTERPOLATED);
                         }
                         None => {
                             missed.push(i);
@@ -155,7 +160,7 @@ impl CacheObject {
             self.live.read(|snapshot| {
                 for &i in &missed {
                     if let Some(a) = points.get(i).and_then(|at| look_up(snapshot, &at)) {
-                        answers.set(i, a.irradiance, a.error, LUMI_POINT_COMPUTED);
+                        answers.set(i, arriving(&a), a.error, LUMI_POINT_COMPUTED);
                     }
                 }
             });

@@ -76,13 +76,13 @@ impl HemisphereSamples {
         (low.iter().sum::<f32>() + *pivot) / count as f32
     }
 
-    /// Smallest distance in each of the eight sectors around the normal, over the rays more than 10° above the tangent plane: sector k is centred on azimuth 45° k,
-    /// measured from the first tangent.
-    pub fn sector_distances(&self) -> [f32; 8] {
+    /// Smallest distance in each of the eight sectors around the normal, over all rays or, if `restricted`, those more than 10° above the tangent plane: sector k is centred on azimuth 45° k, measured from
+    /// the first tangent.
+    pub fn sector_distances(&self, restricted: bool) -> [f32; 8] {
         let b = &self.bundle;
         let mut nearest = [f32::INFINITY; 8];
         for (w, &r) in b.dir_local.iter().zip(&b.distance) {
-            if w.z > MIN_ELEVATION {
+            if !restricted || w.z > MIN_ELEVATION {
                 let phi = (w.y.atan2(w.x) + FRAC_PI_8).rem_euclid(TAU);
                 let sector = &mut nearest[((phi / FRAC_PI_4) as usize).min(7)];
                 *sector = sector.min(r);

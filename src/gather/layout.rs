@@ -33,6 +33,16 @@ pub enum Density {
     Uniform,
 }
 
+impl Density {
+    /// The density of directions under the cosine `cos` to the normal.
+    pub fn pdf(self, cos: f32) -> f32 {
+        match self {
+            Self::Cosine => cos.max(0.0) * INV_PI,
+            Self::Uniform => 0.5 * INV_PI,
+        }
+    }
+}
+
 /// Directions are kept this far above the horizon (cos θ), where harmonics with odd m have unbounded derivatives and rays graze the surface they start from.
 const MIN_COS: f32 = 1e-3;
 

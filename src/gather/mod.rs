@@ -10,12 +10,14 @@ mod gradient;
 mod hessian;
 mod layout;
 mod radiance;
+mod sources;
 mod triangulation;
 
 pub use gradient::{Gradient, TranslationalGradient};
 pub use hessian::{Derivatives, Hessian};
 pub use layout::{Density, Layout};
 pub use radiance::{Coefficients, RadianceGradient};
+pub use sources::{Arrival, DirectLight, LightChoice, PointSources, irradiance_of};
 pub use triangulation::TriangleRadiance;
 
 use crate::geometry::SurfacePoint;
@@ -87,6 +89,11 @@ pub trait RadianceProbe: Sync {
     /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by the camera. Indirect light at the hits may be taken from
     /// `deeper`, whose caches are finished.
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle);
+
+    /// Places on the light sources that direct light reaches `from` and its surroundings from; `bundle` are the answered rays of the gather there. `None` for a probe that knows of indirect light alone.
+    fn lights<'a>(&'a self, _from: &SurfacePoint, _bundle: &Bundle, _choice: LightChoice) -> Option<Box<dyn DirectLight + 'a>> {
+        None
+    }
 }
 
 /// Indirect light at hit points, from the finished caches of deeper bounces.

@@ -146,19 +146,29 @@ impl<'a> CachedIntegrator<'a> {
                 out.surface = Some(Surface::new(&point, &bsdf, distance));
             }
 
+            let mut lit = None;
             let (cached, served) = timed(clock.as_mut().map(|c| &mut c.interpolate), || {
                 let reflected = self.reflected(&vertex, bounces, sample.limit, lobe, &mut out);
                 let served = reflected.is_some();
-                let mut diffuse = || self.cached(&vertex, bounces, sample.limit, &mut out);
+                let mut diffuse = || {
+                    let (indirect, direct) = self.cached(&vertex, bounces, sample.limit, &mut out)?;
+                    lit = direct;
+                    Some(indirect)
+                };
                 (reflected.or_else(|| Some(Reflected { diffuse: diffuse()?, glossy: Color::ZERO })), served)
             });
-            let sampled = if cached.is_some() { self.tracer.beside_cache(&vertex) } else { Sampled::Everything };
+            let sampled = match (cached, lit) {
+                (Some(_), Some(_)) => Sampled::GlossyAlone,
+                (Some(_), None) => self.tracer.beside_cache(&vertex),
+                (None, _) => Sampled::Everything,
+            };
             let indirect = cached.unwrap_or_default();
             if bounces == 0 {
                 out.radiance.diffuse_indirect += indirect.diffuse;
+                out.radiance.diffuse_direct += lit.unwrap_or_default();
                 out.radiance.glossy_indirect += indirect.glossy;
             } else {
-                out.radiance.glossy_indirect += beta * indirect.sum();
+                out.radiance.glossy_indirect += beta * (indirect.sum() + lit.unwrap_or_default());
             }
             let light = timed(clock.as_mut().map(|c| &mut c.direct), || {
                 [self.tracer.light(&vertex, &mut sampler, sampled), self.tracer.sky(&vertex, &mut sampler, sampled)]
@@ -180,7 +190,7 @@ impl<'a> CachedIntegrator<'a> {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
                         // The cache has the diffuse lobe: all of this weight is the others'.
-                        Sampled::Glossy | Sampled::GlossyAndSky => (Color::ZERO, scattered.weight),
+                        Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => (Color::ZERO, scattered.weight),
                     };
                     out.radiance.add(weights, light);
                 } else {
@@ -256,13 +266,13 @@ impl<'a> CachedIntegrator<'a> {
         Some(Reflected { diffuse, glossy: answer.glossy })
     }
 
-    /// Radiance of indirect light that leaves by the diffuse lobe, from the cache.
-    fn cached(&self, v: &Vertex, bounces: u32, limit: u32, out: &mut Shaded) -> Option<Color> {
+    /// Radiance of indirect light that leaves by the diffuse lobe, from the cache, and that of direct light, if records hold it.
+    fn cached(&self, v: &Vertex, bounces: u32, limit: u32, out: &mut Shaded) -> Option<(Color, Option<Color>)> {
         if !v.bsdf.has_diffuse() {
             return None;
         }
         if bounces >= self.tracer.max_bounces {
-            return Some(Color::ZERO);
+            return Some((Color::ZERO, None));
         }
         let answer = self.cache.lookup(self.level(bounces), &v.point, limit);
         out.lookups += 1;
@@ -275,7 +285,8 @@ impl<'a> CachedIntegrator<'a> {
                     out.records = a.records;
                     out.irradiance = a.irradiance;
                 }
-                Some(v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * a.irradiance * INV_PI)
+                let reflectance = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * INV_PI;
+                Some((reflectance * a.irradiance, a.direct.map(|e| reflectance * e)))
             }
             None => {
                 out.misses += 1;

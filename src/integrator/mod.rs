@@ -2,6 +2,7 @@
 
 mod bdpt;
 mod cached;
+mod direct;
 mod outgoing;
 mod path;
 mod points;

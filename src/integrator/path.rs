@@ -56,6 +56,8 @@ pub(super) enum Sampled {
     Glossy,
     /// The same, but light samples share the environment's direct light with [`PathTracer::sky`]: seen through a window they hardly ever find it.
     GlossyAndSky,
+    /// All but the diffuse one, whose direct light a cache knows, too: light samples are for the others alone.
+    GlossyAlone,
 }
 
 /// A vertex from which the next ray leaves.
@@ -252,7 +254,8 @@ impl PathTracer<'_> {
         // In this order a pixel's place, the light sample and the choices after it take two whole sets of the sequence.
         let u = sampler.next_2d();
         let select = sampler.next_1d();
-        if v.bsdf.is_delta_only() || self.scene.lights().is_empty() {
+        let unlit = v.bsdf.is_delta_only() || (sampled == Sampled::GlossyAlone && !v.bsdf.has_glossy());
+        if unlit || self.scene.lights().is_empty() {
             return None;
         }
         let origin = v.origin();
@@ -293,7 +296,7 @@ impl PathTracer<'_> {
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
             Sampled::Everything => v.bsdf.sample(wo, lobe, u),
-            Sampled::Glossy | Sampled::GlossyAndSky => v.bsdf.sample_glossy(wo, lobe, u),
+            Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
     }
@@ -345,7 +348,8 @@ pub(super) fn reflected(
     if (wi.z > 0.0) != (light.wi.dot(at.ng) > 0.0) {
         return None;
     }
-    let diffuse = if wi.z > 0.0 && bsdf.has_diffuse() { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO };
+    let lit = sampled != Sampled::GlossyAlone && wi.z > 0.0 && bsdf.has_diffuse();
+    let diffuse = if lit { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO };
     let (glossy, glossy_pdf) = bsdf.f_pdf_glossy(wo, wi);
     if diffuse + glossy == Color::ZERO {
         return None;
@@ -365,7 +369,7 @@ pub(super) fn reflected(
         Sampled::GlossyAndSky if matches!(light.source, LightSource::Environment) => {
             (weight(cosine_hemisphere_pdf(wi)), weight(glossy_pdf))
         }
-        Sampled::Glossy | Sampled::GlossyAndSky => (1.0, weight(glossy_pdf)),
+        Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => (1.0, weight(glossy_pdf)),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })

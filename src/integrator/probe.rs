@@ -1,8 +1,9 @@
 //! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their hits, paths where no cache helps.
 
+use super::direct::LightPoints;
 use super::path::{PathTracer, Start, Vertex};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
+use crate::gather::{Bundle, Deeper, DirectLight, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
@@ -19,7 +20,7 @@ pub struct SceneProbe<'a> {
 pub struct Counts {
     /// Rays of bundles.
     pub bundle_rays: AtomicU64,
-    /// Shadow rays at their hits.
+    /// Shadow rays at their hits, and those of records that hold direct light.
     pub shadow_rays: AtomicU64,
     /// Paths that went on behind a hit.
     pub paths: AtomicU64,
@@ -107,6 +108,10 @@ impl RadianceProbe for SceneProbe<'_> {
         self.counts.bundle_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
         self.counts.shadow_rays.fetch_add(shadows.len() as u64, Ordering::Relaxed);
         self.counts.paths.fetch_add(paths, Ordering::Relaxed);
+    }
+
+    fn lights<'a>(&'a self, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice) -> Option<Box<dyn DirectLight + 'a>> {
+        Some(Box::new(LightPoints::new(self.tracer.scene, from, bundle, choice, &self.counts.shadow_rays)))
     }
 }
 

@@ -262,6 +262,15 @@ impl Lights {
             None => 0.0,
         }
     }
+
+    /// What reaches `p` from a punctual light, by its index in the scene, occlusion aside: the unit direction to the light, the distance, and the irradiance across that direction.
+    pub fn from_punctual(&self, p: Vec3, index: u32) -> Option<(Vec3, f32, Color)> {
+        let light = match self.directional().iter().find(|(i, _)| *i == index) {
+            Some((_, light)) => light,
+            None => self.tree().punctual(self.tree().find_punctual(index)?).1,
+        };
+        light.incidence(p).map(|i| (i.wi, i.distance, i.irradiance))
+    }
 }
 
 #[cfg(test)]
