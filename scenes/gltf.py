@@ -230,7 +230,7 @@ class Scene:
     def material(
         self, name, color=(0.8, 0.8, 0.8), rough=1.0, metal=0.0, specular=1.0, double=False, texture=None, alpha=None, **more
     ):
-        """Adds a material. `more`: emission (factor, strength), clearcoat (factor, roughness), glass (ior), cutoff."""
+        """Adds a material. `more`: emission (factor, strength), clearcoat (factor, roughness), glass (ior), cutoff, phong (kd, ks, exponent) in place of everything else."""
         pbr = {"baseColorFactor": [*color, 1.0 if alpha is None else alpha], "metallicFactor": metal, "roughnessFactor": rough}
         if texture is not None:
             pbr["baseColorTexture"] = {"index": texture}
@@ -249,6 +249,9 @@ class Scene:
             extensions["KHR_materials_transmission"] = {"transmissionFactor": 1.0}
             extensions["KHR_materials_ior"] = {"ior": more["glass"]}
             extensions["KHR_materials_volume"] = {"thicknessFactor": 1.0}
+        if "phong" in more:
+            kd, ks, exponent = more["phong"]
+            material["extras"] = {"lumicache": {"brdf": "phong", "kd": kd, "ks": ks, "exponent": exponent}}
         if "cutoff" in more:
             material["alphaMode"], material["alphaCutoff"] = "MASK", more["cutoff"]
         elif alpha is not None:
@@ -338,6 +341,15 @@ class Scene:
         rotation = [f32(quarter * x) for x in (-math.cos(half), math.sin(half), math.sin(half), math.cos(half))]
         extension = {"EXT_lights_ies": {"light": profile, **more}}
         node = {"name": name, "translation": [f32(x) for x in at], "rotation": rotation, "extensions": extension}
+        self.doc["scenes"][0]["nodes"].append(self.append("nodes", node))
+
+    def point_light(self, name, at, color, candela):
+        """Places a point light."""
+        self.extensions.add("KHR_lights_punctual")
+        lights = self.doc.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {"lights": []})["lights"]
+        lights.append({"name": name, "type": "point", "color": list(color), "intensity": candela})
+        extension = {"KHR_lights_punctual": {"light": len(lights) - 1}}
+        node = {"name": name, "translation": [f32(x) for x in at], "extensions": extension}
         self.doc["scenes"][0]["nodes"].append(self.append("nodes", node))
 
     def camera(self, eye, target, yfov_degrees, name="camera"):

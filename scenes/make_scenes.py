@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from dim_rooms import slit_light, staircase_room
+from glossy_planes import two_glossy_planes
 from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
 from ies_hall import ies_hall
 from indirect_room import indirect_room
@@ -19,8 +20,8 @@ RED = (0.63, 0.065, 0.05)
 GREEN = (0.14, 0.45, 0.091)
 
 
-def cornell_box(name, title, floor, notes):
-    """The measured box, its numbers read as centimetres; `floor` is (color, roughness, metallic, specular)."""
+def cornell_box(name, title, floor, notes, back=None):
+    """The measured box, its numbers read as centimetres; `floor` is (color, roughness, metallic, specular), `back` the Phong lobe of the back wall if it has one."""
     s = Scene(name, title, (512, 512), notes=notes)
     white = s.material("white", WHITE, specular=0.0, double=True)
     blocks = s.material("blocks", WHITE, specular=0.0)
@@ -34,7 +35,7 @@ def cornell_box(name, title, floor, notes):
     }
     material = {
         "floor": s.material("floor", color, rough, metal, specular, double=True),
-        "back wall": white,
+        "back wall": white if back is None else s.material("back wall", WHITE, phong=back, double=True),
         "right wall": s.material("green", GREEN, specular=0.0, double=True),
         "left wall": s.material("red", RED, specular=0.0, double=True),
     }
@@ -468,6 +469,10 @@ def all_scenes():
     yield cornell_box(
         "cornell-box-glossy", "Cornell box with a glossy floor", ((0.6923, 0.6923, 0.6923), 0.55, 1.0, 1.0), glossy_notes
     )
+    phong_notes = "The Cornell box with a glossy back wall: a diffuse albedo of 0.1 and a Phong lobe of albedo 0.6 and exponent 22."
+    yield cornell_box(
+        "cornell-box-phong", "Cornell box with a Phong back wall", (WHITE, 1.0, 0.0, 0.0), phong_notes, (0.1, 0.6, 22.0)
+    )
     yield indirect_room()
     yield glossy_still_life()
     yield many_light_hall()
@@ -479,6 +484,7 @@ def all_scenes():
     yield staircase_room()
     yield slit_light()
     yield ies_hall()
+    yield two_glossy_planes()
 
 
 def main():

@@ -16,7 +16,7 @@ use lumicache::scene::Scene;
 use std::time::{Duration, Instant};
 
 /// The lamp's plane goes on around the lamp, black: without it the lamp would have silhouettes of its own.
-struct Ceiling(LampAndOccluders);
+pub struct Ceiling(pub LampAndOccluders);
 
 impl RadianceProbe for Ceiling {
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
@@ -42,7 +42,7 @@ fn values(d: &Derivatives) -> Golden {
     ([g.s.x, g.t.x].map(f64::from), [h.ss.x, h.st.x, h.tt.x].map(f64::from))
 }
 
-fn gathered(probe: &dyn RadianceProbe, at: &SurfacePoint, n: u32, seed: u64) -> HemisphereSamples {
+pub fn gathered(probe: &dyn RadianceProbe, at: &SurfacePoint, n: u32, seed: u64) -> HemisphereSamples {
     let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine);
     samples.gather(probe, at, 0, &NoDeeper, seed);
     samples
@@ -78,15 +78,15 @@ fn hessian_difference(got: &Golden, expected: &Golden) -> f64 {
     norm([0, 1, 2].map(|k| got.1[k] - expected.1[k]))
 }
 
-fn open() -> Ceiling {
+pub fn open() -> Ceiling {
     Ceiling(LampAndOccluders(Vec::new()))
 }
 
-fn t2() -> Ceiling {
+pub fn t2() -> Ceiling {
     Ceiling(occluder([0.2, -0.5], [1.2, 0.5]))
 }
 
-fn t3() -> Ceiling {
+pub fn t3() -> Ceiling {
     Ceiling(occluder([0.25, 0.1], [0.55, 0.4]))
 }
 

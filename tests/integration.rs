@@ -10,6 +10,7 @@ mod cache_files; // caches saved, loaded, joined
 mod capi; // the C library as C calls it
 mod chi2; // sample() agrees with pdf()
 mod cli; // the command line as a user runs it
+mod coefficients; // derivatives of radiance coefficients against exact ones
 mod compare; // image metrics
 mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
@@ -36,3 +37,4 @@ mod schemes; // every preset
 mod scotty3d; // what a second pass and the rotational gradient are worth
 mod sky; // daylight
 mod testdata; // where the optional test data is
+mod two_glossy; // light from one glossy surface on another

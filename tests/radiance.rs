@@ -20,7 +20,7 @@ use lumicache::scene::Scene;
 use std::f64::consts::TAU;
 
 /// The part of the lamp's plane between `min` and `max`.
-type Area = [[f64; 2]; 2];
+pub type Area = [[f64; 2]; 2];
 
 /// The lamp without the shadow that `blocker` at height 1 throws from `(x, y, 0)`, as rectangles.
 fn visible([x, y]: [f64; 2], blocker: Option<Area>) -> Vec<Area> {
@@ -38,7 +38,7 @@ fn visible([x, y]: [f64; 2], blocker: Option<Area>) -> Vec<Area> {
 }
 
 /// The exact coefficients at `(x, y, 0)`.
-fn exact(basis: &dyn Basis, [x, y]: [f64; 2], blocker: Option<Area>) -> Vec<f64> {
+pub fn exact(basis: &dyn Basis, [x, y]: [f64; 2], blocker: Option<Area>) -> Vec<f64> {
     let mut c = vec![0.0; basis.count()];
     let mut jets = vec![Jet::default(); basis.count()];
     for [low, high] in visible([x, y], blocker) {
@@ -55,7 +55,7 @@ fn exact(basis: &dyn Basis, [x, y]: [f64; 2], blocker: Option<Area>) -> Vec<f64>
     c
 }
 
-fn exact_gradient(basis: &dyn Basis, blocker: Option<Area>) -> [Vec<f64>; 2] {
+pub fn exact_gradient(basis: &dyn Basis, blocker: Option<Area>) -> [Vec<f64>; 2] {
     let (x, y, h) = (0.45, 0.30, 1e-4);
     let difference = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).collect();
     [
@@ -86,19 +86,19 @@ fn estimate(
     (value, gradient)
 }
 
-fn norm(v: &[f64]) -> f64 {
+pub fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// The distance of two pairs of vectors over the norm of the second.
-fn off(a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]) -> f64 {
+pub fn off(a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]) -> f64 {
     let difference = |k: usize| a[k].iter().zip(&b[k]).map(|(a, b)| a - b).collect::<Vec<f64>>();
     norm(&difference(0)).hypot(norm(&difference(1))) / norm(&b[0]).hypot(norm(&b[1]))
 }
 
 const POLAR: Layout = Layout::Polar { m: 48, n: 150 };
-const T2: Area = [[0.2, -0.5], [1.2, 0.5]];
-const T3: Area = [[0.25, 0.1], [0.55, 0.4]];
+pub const T2: Area = [[0.2, -0.5], [1.2, 0.5]];
+pub const T3: Area = [[0.25, 0.1], [0.55, 0.4]];
 
 #[test]
 fn radiance_and_irradiance_of_one_gather_agree() {
@@ -158,7 +158,7 @@ fn displacement_is_the_per_sample_gradient() {
 }
 
 fn settings(basis: BasisKind, order: usize, loss: f32) -> TableSettings {
-    TableSettings { basis, order, loss, padding: true }
+    TableSettings { basis, order, loss, padding: true, whole: false }
 }
 
 /// All basis functions at `w`.

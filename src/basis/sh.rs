@@ -51,6 +51,54 @@ impl Sh {
         Self { order, first, steps, norms }
     }
 
+    /// All functions at eight unit directions, each with the components along x and y of its gradient on the sphere, that of [`Jet`]: the first [`Basis::count`] elements of `out` are written.
+    ///
+    /// Single precision. With `Y = P(z) C(x, y)`, C being the trigonometric factor times sin^m θ, the gradient is that of this polynomial without its radial part: `x∂C/∂x + y∂C/∂y = m C`.
+    pub fn slopes(&self, w: &[Vec3; LANES], out: &mut [[Lane; 3]]) {
+        let lanes = |f: &dyn Fn(Vec3) -> f32| w.map(f);
+        let (x, y, z) = (lanes(&|w| w.x), lanes(&|w| w.y), lanes(&|w| w.z));
+        // (x + iy)^m and (x + iy)^(m-1).
+        let (mut c, mut s) = ([1.0; LANES], [0.0; LANES]);
+        let (mut c1, mut s1) = ([0.0; LANES], [0.0; LANES]);
+        let mut steps = self.steps.iter();
+        for m in 0..self.order {
+            let degree = m as f32;
+            let (mut p0, mut p1) = ([0.0; LANES], [self.first[m]; LANES]);
+            // dP/dz.
+            let (mut d0, mut d1) = ([0.0; LANES], [0.0; LANES]);
+            for l in m..self.order {
+                if l > m {
+                    let [a, b] = *steps.next().expect("one step for each l above m");
+                    for k in 0..LANES {
+                        (d0[k], d1[k]) = (d1[k], a * (p1[k] + z[k] * d1[k] - b * d0[k]));
+                        (p0[k], p1[k]) = (p1[k], a * (z[k] * p1[k] - b * p0[k]));
+                    }
+                }
+                let middle = l * l + l;
+                let [value, gx, gy] = &mut out[middle + m];
+                for k in 0..LANES {
+                    let radial = (degree * p1[k] + z[k] * d1[k]) * c[k];
+                    value[k] = p1[k] * c[k];
+                    gx[k] = degree * p1[k] * c1[k] - x[k] * radial;
+                    gy[k] = -degree * p1[k] * s1[k] - y[k] * radial;
+                }
+                if m > 0 {
+                    let [value, gx, gy] = &mut out[middle - m];
+                    for k in 0..LANES {
+                        let radial = (degree * p1[k] + z[k] * d1[k]) * s[k];
+                        value[k] = p1[k] * s[k];
+                        gx[k] = degree * p1[k] * s1[k] - x[k] * radial;
+                        gy[k] = degree * p1[k] * c1[k] - y[k] * radial;
+                    }
+                }
+            }
+            (c1, s1) = (c, s);
+            for k in 0..LANES {
+                (c[k], s[k]) = (x[k] * c[k] - y[k] * s[k], x[k] * s[k] + y[k] * c[k]);
+            }
+        }
+    }
+
     /// The derivatives Q_lm of Legendre's polynomials as homogeneous polynomials of (x, y, z), at a unit vector: `Q_mm = (2m-1)!!`,
     /// `(l-m) Q_lm = (2l-1) z Q_{l-1,m} - (l+m-1) (x²+y²+z²) Q_{l-2,m}`.
     fn legendre(&self, z: f64) -> Vec<f64> {
@@ -166,4 +214,30 @@ impl Basis for Sh {
 /// The matrix a bᵀ.
 pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::Rng;
+
+    #[test]
+    fn slopes_are_the_first_two_components_of_the_gradients() {
+        let sh = Sh::new(12);
+        let (mut out, mut jets) = (vec![[Lane::default(); 3]; sh.count()], vec![Jet::default(); sh.count()]);
+        let mut rng = Rng::new(5);
+        let mut w: [Vec3; LANES] =
+            std::array::from_fn(|_| Vec3::from_array(std::array::from_fn(|_| 2.0 * rng.next_f32() - 1.0)).normalize());
+        (w[0], w[1]) = (Vec3::Z, Vec3::X);
+        sh.slopes(&w, &mut out);
+        for k in 0..LANES {
+            sh.jets(w[k].as_dvec3(), false, &mut jets);
+            for (got, jet) in out.iter().zip(&jets) {
+                let expected = [jet.value, jet.gradient.x, jet.gradient.y];
+                for (g, e) in got.iter().zip(expected) {
+                    assert!((f64::from(g[k]) - e).abs() < 1e-4, "{} instead of {e} at {}", g[k], w[k]);
+                }
+            }
+        }
+    }
 }

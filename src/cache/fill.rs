@@ -1,10 +1,10 @@
 //! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
 
-use super::radiance::{Maker, Radiance, RadiancePoints};
+use super::radiance::{Making, Radiance, RadiancePoints};
 use super::record::clamp_to_neighbours;
 use super::{Cache, Contents, DirectSamples, Envelope, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
-use crate::gather::{Deeper, HemisphereSamples, RadianceProbe};
+use crate::gather::{Deeper, HemisphereSamples, HitChange, Layout, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
@@ -92,7 +92,7 @@ pub(super) struct Filling<'a> {
     /// Where gathers find indirect light.
     deeper: &'a dyn Deeper,
     /// What makes the radiance of records, if they have any.
-    maker: Option<&'a Maker>,
+    making: Option<Making<'a>>,
     level: u8,
     seed: u64,
     /// The reach until the level is filled.
@@ -153,17 +153,17 @@ impl Cache {
         Ok((self.finish(level, records), stats))
     }
 
-    /// As [`Cache::fill`] of the first level, with the radiance that `maker` makes of each gather; returns that, by the ids of the records. Indirect light at the hits comes from `deeper`.
+    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; returns that, by the ids of the records. Indirect light at the hits comes from `deeper`.
     pub(super) fn fill_radiance(
         &mut self,
         probe: &dyn RadianceProbe,
         points: &RadiancePoints,
         deeper: &Cache,
-        maker: &Maker,
+        making: Making,
         seed: u64,
         progress: &Progress,
     ) -> Result<(Vec<Radiance>, FillStats)> {
-        let mut filling = Filling { deeper, maker: Some(maker), ..Filling::new(self, probe, 0, hash(&[seed, 3]), Vec::new()) };
+        let mut filling = Filling { deeper, making: Some(making), ..Filling::new(self, probe, 0, hash(&[seed, 3]), Vec::new()) };
         filling.run(&points.points, &points.orders, progress)?;
         let Filling { records, radiance, stats, .. } = filling;
         self.levels[0] = Some(Arc::new(self.finish(0, records)));
@@ -193,7 +193,7 @@ impl<'a> Filling<'a> {
             cache,
             probe,
             deeper: cache,
-            maker: None,
+            making: None,
             level,
             seed: hash(&[seed, u64::from(level)]),
             reach,
@@ -376,7 +376,7 @@ impl<'a> Filling<'a> {
             .enumerate()
             .filter(|(_, (at, _))| noisy(at))
             .map_init(
-                || HemisphereSamples::new(layout, scheme.density),
+                || self.samples_in(layout),
                 |samples, (k, (at, order))| {
                     samples.gather(self.probe, at, self.level, self.deeper, hash(&[self.seed_at(at), 1]));
                     (first + k, self.made(samples, at, *order))
@@ -395,8 +395,13 @@ impl<'a> Filling<'a> {
     }
 
     fn samples(&self) -> HemisphereSamples {
+        self.samples_in(self.cache.scheme.layout(self.level))
+    }
+
+    fn samples_in(&self, layout: Layout) -> HemisphereSamples {
         let scheme = &self.cache.scheme;
-        HemisphereSamples::new(scheme.layout(self.level), scheme.density)
+        let change = if self.making.is_some() { scheme.hit_change } else { HitChange::None };
+        HemisphereSamples::new(layout, scheme.density).with_change(change)
     }
 
     /// The record of a gather at `at`, where it was made, and whether it had to be taken again there.
@@ -439,10 +444,7 @@ impl<'a> Filling<'a> {
         let lit = self.level == 0 && scheme.contents == Contents::DirectAndIndirect;
         let direct = if lit { DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at)) } else { None };
         let mut record = Record::new(scheme, &self.shading_reach, at, samples, direct.as_ref());
-        let radiance = self.maker.map(|m| m.make(samples, order));
-        if let Some(radiance) = radiance.as_ref().filter(|_| self.cache.scheme.gradient_clamp) {
-            record.shorten(radiance.length());
-        }
+        let radiance = self.making.map(|m| m.make(samples, at, order, &mut record, &self.reach));
         Made { record, radiance }
     }
 }

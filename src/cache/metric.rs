@@ -15,7 +15,7 @@ use crate::math::{Color, DMat2, DVec2, Frame, luminance};
 use std::f64::consts::{FRAC_PI_8, PI};
 
 /// Share of the curvature that the surroundings could cause which is always reckoned with.
-const FLOOR: f64 = 0.01;
+pub(super) const FLOOR: f64 = 0.01;
 
 /// The derivatives that a record of `scheme` is made from. Those of the triangulated hemisphere are estimated together, and only where the scheme asks for them.
 pub(super) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Derivatives {
@@ -58,9 +58,16 @@ pub(super) fn shape(
             }
             let curvature = Curvature { scheme, size, e, frame: samples.frame() };
             let floor = floor * samples.geometric_curvature();
+            let h = &derivatives.hessian;
             match scheme.footprint {
-                FootprintKind::Sectors => curvature.sectors(derivatives, floor),
-                _ => curvature.ellipse(derivatives, floor),
+                FootprintKind::Sectors => curvature.sectors(|u| {
+                    let h = h.apply(u.as_vec2(), u.as_vec2());
+                    f64::from(self::size(h)) + u.dot(floor * u)
+                }),
+                _ => {
+                    let [ss, st, tt] = [h.ss, h.st, h.tt].map(|c| f64::from(luminance(c)));
+                    curvature.ellipse(absolute(DMat2::from_cols(DVec2::new(ss, st), DVec2::new(st, tt))) + floor)
+                }
             }
         }
     }
@@ -75,13 +82,14 @@ fn first_order(measure: ErrorMeasure, e: f64, slope: f64, size: f64) -> f64 {
     }
 }
 
-struct Curvature<'a> {
-    scheme: &'a Scheme,
+/// Areas over which ½ xᵀHx is as large as it may be.
+pub(super) struct Curvature<'a> {
+    pub scheme: &'a Scheme,
     /// The scene's diagonal.
-    size: f64,
+    pub size: f64,
     /// The irradiance that errors are relative to.
-    e: f64,
-    frame: &'a Frame,
+    pub e: f64,
+    pub frame: &'a Frame,
 }
 
 impl Curvature<'_> {
@@ -112,11 +120,15 @@ impl Curvature<'_> {
         [short, aspect * short]
     }
 
-    fn ellipse(&self, derivatives: &Derivatives, floor: DMat2) -> Footprint {
-        let h = &derivatives.hessian;
-        let [ss, st, tt] = [h.ss, h.st, h.tt].map(|c| f64::from(luminance(c)));
-        let (values, axis) = eigen(absolute(DMat2::from_cols(DVec2::new(ss, st), DVec2::new(st, tt))) + floor);
+    /// The area for the curvature `spectral`, symmetric and positive.
+    pub fn ellipse(&self, spectral: DMat2) -> Footprint {
+        let (values, axis) = eigen(spectral);
         let r = self.semi_axes(values[0], values[1]).map(|r| r as f32);
+        self.outline(axis, r)
+    }
+
+    /// The ellipse, or the disc, with the semi-axes `r` and the shorter one along `axis`.
+    pub fn outline(&self, axis: DVec2, r: [f32; 2]) -> Footprint {
         if self.scheme.footprint == FootprintKind::Disc {
             return Footprint::Disc { r: r[0] };
         }
@@ -124,18 +136,19 @@ impl Curvature<'_> {
         Footprint::Ellipse { axis: axis.x * self.frame.s + axis.y * self.frame.t, r }
     }
 
-    /// Along each axis u the radius follows from the quartic form `Q(u) = Σ_c (uᵀ H_c u)²` over the channels; each axis stands for a sector and takes the strongest curvature along its middle and its
-    /// borders.
-    fn sectors(&self, derivatives: &Derivatives, floor: DMat2) -> Footprint {
+    /// Along each axis u the radius is that of a disc with the curvature `bend(u)`, for irradiance the quartic form `Q(u) = sqrt(Σ_c (uᵀ H_c u)²)` over the channels; each axis stands for a sector and takes the
+    /// strongest curvature along its middle and its borders.
+    pub fn sectors(&self, bend: impl Fn(DVec2) -> f64) -> Footprint {
+        self.axes(bend, |strongest| self.semi_axes(strongest, strongest)[0])
+    }
+
+    /// Sectors whose radii are `radius` of the largest of `bend(u)` in each.
+    pub fn axes(&self, bend: impl Fn(DVec2) -> f64, radius: impl Fn(f64) -> f64) -> Footprint {
         // Opposite directions have the same curvature, so half a turn in steps of 22.5° is enough: even ones are axes, odd ones borders.
-        let bend: [f64; SECTORS] = std::array::from_fn(|k| {
-            let u = DVec2::from_angle(FRAC_PI_8 * k as f64);
-            let h = derivatives.hessian.apply(u.as_vec2(), u.as_vec2());
-            f64::from(size(h)) + u.dot(floor * u)
-        });
+        let bend: [f64; SECTORS] = std::array::from_fn(|k| bend(DVec2::from_angle(FRAC_PI_8 * k as f64)));
         let r = std::array::from_fn(|k| {
             let strongest = [2 * k + SECTORS - 1, 2 * k, 2 * k + 1].into_iter().map(|k| bend[k % SECTORS]).fold(0.0, f64::max);
-            self.semi_axes(strongest, strongest)[0] as f32
+            radius(strongest) as f32
         });
         sectors(self.scheme, self.frame, r)
     }
@@ -148,12 +161,12 @@ fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Footprint {
 }
 
 /// The size of a difference in colour on the scale of luminance, `sqrt(Σ w_c x_c²)` with the weights of luminance: changes of hue that luminance does not see count, too.
-fn size(c: Color) -> f32 {
+pub(super) fn size(c: Color) -> f32 {
     luminance(c * c).sqrt()
 }
 
 /// The spectral absolute value `V |D| Vᵀ` of a symmetric matrix.
-fn absolute(m: DMat2) -> DMat2 {
+pub(super) fn absolute(m: DMat2) -> DMat2 {
     let (mean, difference) = (0.5 * (m.x_axis.x + m.y_axis.y), 0.5 * (m.x_axis.x - m.y_axis.y));
     let spread = difference.hypot(m.x_axis.y);
     let (a, b) = ((mean + spread).abs(), (mean - spread).abs());
@@ -166,7 +179,7 @@ fn absolute(m: DMat2) -> DMat2 {
 }
 
 /// The eigenvalues of a symmetric matrix, the larger one first, and the unit eigenvector of that.
-fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
+pub(super) fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
     let (mean, difference) = (0.5 * (m.x_axis.x + m.y_axis.y), 0.5 * (m.x_axis.x - m.y_axis.y));
     let spread = difference.hypot(m.x_axis.y);
     let angle = 0.5 * m.x_axis.y.atan2(difference);
@@ -271,10 +284,8 @@ mod tests {
         let frame = Frame::from_normal(Vec3::Z);
         let scheme = scheme(FootprintKind::Sectors, ErrorMeasure::Average, 3.0);
         let curvature = Curvature { scheme: &scheme, size: 1.0, e: 1.0, frame: &frame };
-        let mut d = Derivatives::default();
         // Bends along t only; the average over a disc of ½·4 x² is 4 R²/4.
-        d.hessian.tt = Color::splat(4.0);
-        let Footprint::Sectors { r, .. } = curvature.sectors(&d, DMat2::ZERO) else { unreachable!() };
+        let Footprint::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else { unreachable!() };
         assert!((r[2] - 1.0).abs() < 1e-6 && (r[6] - 1.0).abs() < 1e-6, "{r:?}");
         assert!(r[0] > 2.5 && r[0] <= 3.0 && r[4] == r[0] && r[1] < r[0], "{r:?}");
     }

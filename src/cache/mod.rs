@@ -20,6 +20,8 @@ mod metric;
 mod preset;
 mod published;
 mod radiance;
+mod radiance_payload;
+mod radiance_placement;
 mod record;
 mod scheme;
 mod sync;
@@ -35,8 +37,13 @@ pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
 pub use preset::{PRESETS, Preset};
 pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
+pub use radiance_payload::{HitStorage, Storage};
+pub use radiance_placement::{RadianceMetric, RadiancePlacement, Reflector};
 pub use record::{Curve, Reach, Record};
-pub use scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+pub use scheme::{
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceFrame, Refinement, Scheme, Strata,
+    Weight,
+};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
@@ -128,6 +135,14 @@ impl Cache {
     /// When the cache has no such level.
     pub fn replace(&mut self, level: u8, records: Vec<Record>) {
         self.levels[usize::from(level)] = Some(Arc::new(self.level_of(level, records)));
+    }
+
+    /// Takes over `level` of `other` as it is: lookups here find its records by its own reach.
+    ///
+    /// # Panics
+    /// When the cache has no such level.
+    pub fn share_level(&mut self, level: u8, other: &Self) {
+        self.levels[usize::from(level)] = other.levels.get(usize::from(level)).cloned().flatten();
     }
 
     /// `records` as a level: clamped to their neighbours and indexed.

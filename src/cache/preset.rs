@@ -1,9 +1,14 @@
 //! The published schemes as rows of a table.
 
-use super::scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+use super::radiance_payload::{HitStorage, Storage};
+use super::radiance_placement::{RadianceMetric, RadiancePlacement};
+use super::scheme::{
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceFrame, Refinement, Scheme, Strata,
+    Weight,
+};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
-use crate::gather::{Density, RadianceGradient, TranslationalGradient, TriangleRadiance};
+use crate::gather::{Density, HitChange, RadianceGradient, TranslationalGradient, TriangleRadiance};
 
 /// A named scheme.
 pub struct Preset {
@@ -82,6 +87,13 @@ fn ward88() -> Scheme {
         radiance_rays: 1.0,
         radiance_error: 1.0,
         radiance_padding: false,
+        radiance_frame: RadianceFrame::World,
+        radiance_storage: Storage::F32,
+        radiance_diffuse: false,
+        radiance_metric: RadianceMetric::Irradiance,
+        radiance_placement: RadiancePlacement::Incoming,
+        hit_change: HitChange::None,
+        radiance_hits: HitStorage::None,
     }
 }
 
@@ -172,6 +184,30 @@ fn jarosz12() -> Scheme {
 
 fn schwarzhaupt12() -> Scheme {
     Scheme { metric: Metric::Hessian, translational_gradient: TranslationalGradient::Triangulated, ..jarosz12() }
+}
+
+/// The thesis: harmonics on all surfaces, areas from the Hessians of the coefficients.
+fn zhao_incoming() -> Scheme {
+    Scheme {
+        radiance_order: 10,
+        radiance_basis: BasisKind::Sh,
+        radiance_frame: RadianceFrame::Local,
+        // All bands are used anyway; what loses more is followed by paths.
+        radiance_loss: 0.1,
+        radiance_gradient: RadianceGradient::Triangulated,
+        radiance_diffuse: true,
+        radiance_metric: RadianceMetric::Second,
+        hit_change: HitChange::Frozen,
+        ..schwarzhaupt12()
+    }
+}
+
+fn zhao_outgoing() -> Scheme {
+    Scheme { radiance_placement: RadiancePlacement::Outgoing, ..zhao_incoming() }
+}
+
+fn zhao_view() -> Scheme {
+    Scheme { radiance_placement: RadiancePlacement::View, ..zhao_incoming() }
 }
 
 fn krivanek06() -> Scheme {
@@ -316,6 +352,24 @@ pub const PRESETS: &[Preset] = &[
         source: "Schwarzhaupt et al. 2012",
         summary: "ellipses from the Hessian and the gradient on the triangulated hemisphere, which know of occlusion",
         scheme: schwarzhaupt12,
+    },
+    Preset {
+        name: "zhao-incoming",
+        source: "Zhao",
+        summary: "radiance in spherical harmonics on all surfaces, ellipses from the Hessians of incident radiance, two glossy surfaces right",
+        scheme: zhao_incoming,
+    },
+    Preset {
+        name: "zhao-outgoing",
+        source: "Zhao",
+        summary: "zhao-incoming with ellipses from outgoing radiance in all directions",
+        scheme: zhao_outgoing,
+    },
+    Preset {
+        name: "zhao-view",
+        source: "Zhao",
+        summary: "zhao-incoming with ellipses from the radiance towards the viewer",
+        scheme: zhao_view,
     },
     Preset {
         name: "auto",

@@ -3,13 +3,16 @@
 //! They serve glossy surfaces of low frequency: what such a surface sends to the viewer is the product of two vectors, the record's coefficients and those of the lobe. Records are placed as irradiance
 //! records are, in a cache of their own.
 
-use super::{Cache, FillStats, Index, LevelPoints, Record, Scheme};
-use crate::basis::{Basis, BasisKind, LANES, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
+use super::radiance_payload::{HitStorage, Payload};
+use super::radiance_placement::{RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape};
+use super::{Cache, Extrapolation, FillStats, Index, LevelPoints, RadianceFrame, Reach, Record, Scheme};
+use crate::basis::{Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
 use crate::error::Result;
-use crate::gather::{Coefficients, HemisphereSamples, RadianceGradient, RadianceProbe};
+use crate::gather::{Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe, StoredHit};
 use crate::geometry::SurfacePoint;
-use crate::math::{Color, Frame, Vec3, luminance};
+use crate::math::{Color, Frame, Vec2, Vec3, luminance};
 use crate::progress::Progress;
+use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::OnceLock;
 
@@ -18,17 +21,30 @@ pub(super) struct Radiance {
     /// The frame of its tangents.
     frame: Frame,
     order: usize,
-    /// The coefficients and their change along `frame.s` and `frame.t`; the gradients are empty if the scheme has none.
-    coefficients: [Coefficients; 3],
+    /// The coefficients and their derivatives along `frame.s` and `frame.t`.
+    payload: Payload,
+    /// The direction towards the viewer that the record was made for.
+    wo: Vec3,
+    /// What its area is bounded by besides its coefficients; `None` if those have no part in it.
+    surroundings: Option<Surroundings>,
+    /// What its rays hit, if the scheme has it kept.
+    hits: Vec<StoredHit>,
 }
 
 /// Makes [`Radiance`] from gathers.
 pub(super) struct Maker {
-    kind: BasisKind,
+    scheme: Scheme,
+    scene_size: f32,
     /// The bases of orders 1, 2, ...
     bases: Vec<Box<dyn Basis>>,
-    gradient: RadianceGradient,
     rotation: OnceLock<Rotation>,
+}
+
+/// A maker with the surfaces that it makes records for, as far as the scheme has them count.
+#[derive(Clone, Copy)]
+pub(super) struct Making<'a> {
+    pub maker: &'a Maker,
+    pub reflector: Option<&'a dyn Reflector>,
 }
 
 /// Shading points with the orders that their lobes need.
@@ -92,9 +108,9 @@ impl RadianceCache {
     pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
         let order = usize::from(scheme.radiance_order);
         let maker = Maker {
-            kind: scheme.radiance_basis,
+            scheme: scheme.for_radiance(),
+            scene_size,
             bases: (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect(),
-            gradient: scheme.radiance_gradient,
             rotation: OnceLock::new(),
         };
         let cosine = cosine(maker.bases[order - 1].as_ref());
@@ -103,7 +119,8 @@ impl RadianceCache {
         Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), cosine, padding }
     }
 
-    /// Makes records until every point is covered; gathers take indirect light at their hits from `deeper`. As [`Cache::fill`], of which it is a kind.
+    /// Makes records until every point is covered; gathers take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect, for schemes that place records by outgoing radiance. As [`Cache::fill`], of which
+    /// it is a kind.
     ///
     /// # Errors
     /// [`crate::error::Error::Cancelled`]; the cache stays empty then.
@@ -112,15 +129,38 @@ impl RadianceCache {
         probe: &dyn RadianceProbe,
         points: &RadiancePoints,
         deeper: &Cache,
+        reflector: Option<&dyn Reflector>,
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let (records, stats) = self.cache.fill_radiance(probe, points, deeper, &self.maker, seed, progress)?;
+        let making = Making { maker: &self.maker, reflector };
+        let (records, stats) = self.cache.fill_radiance(probe, points, deeper, making, seed, progress)?;
+        self.records = records;
+        self.measure();
+        Ok(stats)
+    }
+
+    /// Notes by how much gradients shrink where radii were raised.
+    fn measure(&mut self) {
         let reach = self.cache.shading_reach(0);
         let level = self.cache.level(0).map_or(&[][..], |l| l.records());
         self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
-        self.records = records;
-        Ok(stats)
+    }
+
+    /// Gives all records the areas that another viewer needs, `towards` being the direction to it from a position, where the scheme places records by what the viewer sees; else nothing changes. Fences and orders stay as they are.
+    pub fn see_from(&mut self, reflector: &dyn Reflector, towards: &(dyn Fn(Vec3) -> Vec3 + Sync)) {
+        if self.maker.scheme.radiance_placement != RadiancePlacement::View {
+            return;
+        }
+        let reach = self.cache.shading_reach(0);
+        let making = Making { maker: &self.maker, reflector: Some(reflector) };
+        let mut placed = self.records().to_vec();
+        placed.par_iter_mut().zip(&mut self.records).for_each(|(record, radiance)| {
+            radiance.wo = towards(record.position);
+            making.place(record, radiance, &reach);
+        });
+        self.cache.replace(0, placed);
+        self.measure();
     }
 
     /// The irradiance part of the records, by their ids.
@@ -135,8 +175,8 @@ impl RadianceCache {
 
     /// Bytes that records and index occupy.
     pub fn bytes(&self) -> usize {
-        let numbers: usize = self.records.iter().flat_map(|r| &r.coefficients).map(Vec::len).sum();
-        self.cache.level(0).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers * size_of::<f32>()
+        let numbers: usize = self.records.iter().map(|r| r.payload.bytes() + size_of_val(&r.hits[..])).sum();
+        self.cache.level(0).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers
     }
 
     /// Radiance from the records with ids below `limit` that leaves towards `at.wo` by the lobe with the coefficients `lobe`:
@@ -150,7 +190,9 @@ impl RadianceCache {
     pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
         let index: &Index = self.cache.level(0)?.index();
         let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
-        if self.maker.kind == BasisKind::Sh {
+        let (spherical, world) = (self.maker.is_spherical(), self.maker.is_in_world());
+        let most = self.maker.vectors_used();
+        if world {
             lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
         }
         index.visit(at, limit, |valid| {
@@ -160,17 +202,21 @@ impl RadianceCache {
             }
             let offset = valid.offset * self.gradient_scales[valid.id as usize];
             let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
-            let radiance = if self.maker.kind == BasisKind::Sh {
-                record.product(offset, lobe.rotated().0)
+            let radiance = if world {
+                record.product(offset, lobe.rotated().0, most)
             } else if same {
-                record.product(offset, runs(&lobe.values))
+                record.product(offset, runs(&lobe.values), most)
+            } else if spherical {
+                let turn = Turn::between(&at.frame, &record.frame);
+                lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, turn));
+                record.product(offset, lobe.rotated().0, most)
             } else {
                 let turn = Turn::between(&at.frame, &record.frame);
                 lobe.rotate(&self.cosine, SPILL, |c| self.maker.rotation().rotate(c, turn));
                 let (lobe, cosine) = lobe.rotated();
-                let tilted = luminance(record.product(offset, [cosine; 3]));
+                let tilted = luminance(record.product(offset, [cosine; 3], most));
                 let correction = luminance(valid.irradiance) / tilted.max(1e-20);
-                record.product(offset, lobe) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
+                record.product(offset, lobe, most) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
             };
             glossy += valid.weight * radiance.max(Color::ZERO);
             irradiance += valid.weight * valid.irradiance;
@@ -183,6 +229,42 @@ impl RadianceCache {
             irradiance: irradiance / weights,
             error: errors / weights,
             records: count,
+        })
+    }
+}
+
+impl RadianceCache {
+    /// Whether records keep their hits.
+    pub fn hit_storage(&self) -> HitStorage {
+        self.maker.scheme.radiance_hits
+    }
+
+    /// As [`RadianceCache::lookup`], from the hits that the records keep: `reflect(hit, direction, solid angle)` is what the surface at `at` makes of one of them, as it sees it.
+    pub fn lookup_hits(
+        &self,
+        at: &SurfacePoint,
+        limit: u32,
+        mut reflect: impl FnMut(&StoredHit, Vec3, f32) -> Color,
+    ) -> Option<RadianceAnswer> {
+        let mut sum = RadianceAnswer { glossy: Color::ZERO, irradiance: Color::ZERO, error: 0.0, records: 0 };
+        let mut weights = 0.0;
+        self.cache.level(0)?.index().visit(at, limit, |valid| {
+            for hit in &self.records[valid.id as usize].hits {
+                if let Some((direction, solid_angle)) = hit.seen_from(at.position) {
+                    sum.glossy += valid.weight * reflect(hit, direction, solid_angle);
+                }
+            }
+            sum.irradiance += valid.weight * valid.irradiance;
+            sum.error += valid.weight * valid.error;
+            sum.records += 1;
+            weights += valid.weight;
+        });
+        let mean = |sum: Color| sum / weights;
+        (weights > 0.0).then(|| RadianceAnswer {
+            glossy: mean(sum.glossy),
+            irradiance: mean(sum.irradiance),
+            error: sum.error / weights,
+            ..sum
         })
     }
 }
@@ -209,52 +291,126 @@ impl LobeCoefficients {
 }
 
 impl Radiance {
-    /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`.
-    fn product(&self, offset: Vec3, c: [&[f32]; 3]) -> Color {
-        let count = self.order * self.order;
-        let used = count.min(c[0].len());
-        let (dx, dy) = (offset.dot(self.frame.s), offset.dot(self.frame.t));
-        let channel = |k: usize| {
-            let c = &c[k][..used];
-            let [value, s, t] = &self.coefficients;
-            let run = k * count..k * count + used;
-            let value = dot(c, &value[run.clone()]);
-            if s.is_empty() { value } else { value + dx * dot(c, &s[run.clone()]) + dy * dot(c, &t[run]) }
+    /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`, by no more vectors than `most`.
+    fn product(&self, offset: Vec3, c: [&[f32]; 3], most: usize) -> Color {
+        self.payload.product(Vec2::new(offset.dot(self.frame.s), offset.dot(self.frame.t)), c, most)
+    }
+}
+
+impl Making<'_> {
+    /// What a record of `order` bands at `at` holds of the gather `samples`; `record`, made of the same, is given its area.
+    pub fn make(
+        &self,
+        samples: &HemisphereSamples,
+        at: &SurfacePoint,
+        order: u8,
+        record: &mut Record,
+        reach: &Reach,
+    ) -> Radiance {
+        let (maker, scheme) = (self.maker, &self.maker.scheme);
+        let order = usize::from(order).clamp(1, maker.bases.len());
+        let basis = maker.bases[order - 1].as_ref();
+        let value = samples.project(basis);
+        let derivatives = match scheme.radiance_gradient {
+            RadianceGradient::None => RadianceDerivatives::default(),
+            RadianceGradient::Triangulated => {
+                let hessians = scheme.extrapolation == Extrapolation::Second || scheme.radiance_metric == RadianceMetric::Second;
+                samples.radiance_derivatives(&Sh::new(order), scheme.triangle_radiance, hessians)
+            }
+            kind => RadianceDerivatives { gradient: samples.radiance_gradient(basis, kind), ..RadianceDerivatives::default() },
         };
-        Color::new(channel(0), channel(1), channel(2))
+        let response = Response { value, gradient: derivatives.gradient, hessian: derivatives.hessian };
+        let surroundings = (scheme.radiance_metric != RadianceMetric::Irradiance).then(|| Surroundings::new(samples, &response));
+        match &surroundings {
+            Some(s) => self.reshape(record, response.clone(), s, samples.frame(), at, reach),
+            None if scheme.gradient_clamp => {
+                record.shorten(response.length() / if scheme.metric.is_distance() { 1.0 } else { reach.scale() })
+            }
+            None => {}
+        }
+        let hits = match scheme.radiance_hits {
+            HitStorage::None => Vec::new(),
+            HitStorage::Frozen | HitStorage::Traced => samples.stored_hits(record.position),
+        };
+        Radiance { frame: *samples.frame(), order, payload: maker.pack(response, samples.frame()), wo: at.wo, surroundings, hits }
     }
 
-    /// The distance over which the gradient changes the coefficients by as much as they are, `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
-    pub fn length(&self) -> f32 {
-        let [value, s, t] = self.coefficients.each_ref().map(|c| dot(c, c));
-        if s + t > 0.0 { (value / (s + t)).sqrt() } else { f32::INFINITY }
+    /// Gives `record` the area that follows from what it holds, seen from its `wo`.
+    fn place(&self, record: &mut Record, radiance: &Radiance, reach: &Reach) {
+        let Some(surroundings) = &radiance.surroundings else { return };
+        let response = self.maker.unpack(radiance);
+        let plain = SurfacePoint::plain(record.position, record.normal);
+        let at = SurfacePoint { frame: radiance.frame, wo: radiance.wo, footprint: record.footprint, ..plain };
+        self.reshape(record, response, surroundings, &radiance.frame, &at, reach);
+    }
+
+    fn reshape(
+        &self,
+        record: &mut Record,
+        incident: Response,
+        surroundings: &Surroundings,
+        frame: &Frame,
+        at: &SurfacePoint,
+        reach: &Reach,
+    ) {
+        let scheme = &self.maker.scheme;
+        let response = incident.placed(scheme.radiance_placement, self.reflector, at);
+        record.reshape(shape(scheme, &response, surroundings, frame, self.maker.scene_size, reach.scale()));
     }
 }
 
 impl Maker {
-    /// What a record of `order` bands holds of the gather `samples`.
-    pub fn make(&self, samples: &HemisphereSamples, order: u8) -> Radiance {
-        let order = usize::from(order).clamp(1, self.bases.len());
-        let basis = self.bases[order - 1].as_ref();
-        let mut coefficients = [samples.project(basis), Vec::new(), Vec::new()];
-        if self.gradient != RadianceGradient::None {
-            let [s, t] = samples.radiance_gradient(basis, self.gradient);
-            (coefficients[1], coefficients[2]) = (s, t);
+    fn is_spherical(&self) -> bool {
+        self.scheme.radiance_basis == BasisKind::Sh
+    }
+
+    /// Spherical harmonics in the world's frame, where records of all normals meet.
+    fn is_in_world(&self) -> bool {
+        self.is_spherical() && self.scheme.radiance_frame == RadianceFrame::World
+    }
+
+    /// The number of vectors by which records are continued.
+    fn vectors_used(&self) -> usize {
+        match self.scheme.extrapolation {
+            Extrapolation::Zero => 1,
+            Extrapolation::First | Extrapolation::Axes => 3,
+            Extrapolation::Second => 6,
         }
-        let frame = *samples.frame();
-        if self.kind == BasisKind::Sh {
-            // Spherical harmonics are kept in the world's frame, where records of all normals meet.
-            let turn = Turn::between(&frame, &WORLD);
-            for c in coefficients.iter_mut().flat_map(|c| c.chunks_exact_mut(order * order)) {
-                self.rotation().rotate(c, turn);
-            }
+    }
+
+    /// Keeps what is needed of `response`, which is given in `frame`.
+    fn pack(&self, response: Response, frame: &Frame) -> Payload {
+        let again = self.scheme.radiance_placement == RadiancePlacement::View;
+        let most = if again { 6 } else { self.vectors_used() };
+        let vectors = [vec![response.value], response.gradient.into(), response.hessian.into()].concat();
+        let mut vectors: Vec<Coefficients> = vectors.into_iter().filter(|v| !v.is_empty()).take(most).collect();
+        if self.is_in_world() {
+            self.turn(&mut vectors, Turn::between(frame, &WORLD));
         }
-        Radiance { frame, order, coefficients }
+        Payload::new(vectors, self.scheme.radiance_storage)
+    }
+
+    /// What [`Maker::pack`] kept, in the frame of the record.
+    fn unpack(&self, radiance: &Radiance) -> Response {
+        let mut vectors = radiance.payload.to_single();
+        if self.is_in_world() {
+            self.turn(&mut vectors, Turn::between(&WORLD, &radiance.frame));
+        }
+        let mut vectors = vectors.into_iter();
+        let mut next = || vectors.next().unwrap_or_default();
+        Response { value: next(), gradient: [next(), next()], hessian: [next(), next(), next()] }
+    }
+
+    fn turn(&self, vectors: &mut [Coefficients], turn: Turn) {
+        for vector in vectors {
+            let count = vector.len() / 3;
+            vector.chunks_exact_mut(count).for_each(|c| self.rotation().rotate(c, turn));
+        }
     }
 
     /// Made when the first rotation is asked for: flat surfaces need none.
     fn rotation(&self) -> &Rotation {
-        self.rotation.get_or_init(|| match self.kind {
+        self.rotation.get_or_init(|| match self.scheme.radiance_basis {
             BasisKind::Hsh => Rotation::Hsh(Tilt::new(self.bases.len())),
             BasisKind::Sh => Rotation::Sh(ShRotation::new(self.bases.len())),
         })
@@ -291,7 +447,7 @@ fn runs(c: &[f32]) -> [&[f32]; 3] {
 }
 
 /// The product of two vectors of the same length, in eight interleaved sums.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
+pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let (a8, b8) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
     let mut sums = [0.0; LANES];

@@ -20,7 +20,7 @@ const SCHWARZHAUPT_NORMAL: f32 = 0.019_933_4;
 /// The normal deviation at which a record of [`Kernel::Ribardiere`] ends: 1 - cos 20°.
 const RIBARDIERE_NORMAL: f32 = 0.060_307_4;
 /// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
-const SECOND_ORDER: f32 = 0.25;
+pub(super) const SECOND_ORDER: f32 = 0.25;
 
 /// The second-order part of a record's extrapolation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +124,7 @@ impl Record {
             normal: at.frame.n,
             irradiance,
             rotation,
-            translation: gradient.to_world(&at.frame),
+            translation: if scheme.extrapolation == Extrapolation::Zero { Mat3::ZERO } else { gradient.to_world(&at.frame) },
             curve: (scheme.extrapolation == Extrapolation::Second)
                 .then_some(Curve { tangents: [at.frame.s, at.frame.t], hessian: derivatives.hessian }),
             axes,
@@ -147,11 +147,16 @@ impl Record {
         self.length = self.length_unclamped.min(limit);
     }
 
+    /// Replaces the lengths that the gather gave.
+    pub(super) fn reshape(&mut self, shape: Footprint) {
+        self.shape = shape;
+        self.length_unclamped = shape.shortest();
+        self.length = self.length_unclamped;
+    }
+
     /// Bounds every length by `most`, as the gather gave it.
     pub fn shorten(&mut self, most: f32) {
-        self.shape = self.shape.map(|r| r.min(most));
-        self.length_unclamped = self.shape.shortest();
-        self.length = self.length_unclamped;
+        self.reshape(self.shape.map(|r| r.min(most)));
     }
 
     /// The error of using the record at `at` as a share of the level's allowed error, so that the record is valid below [`Reach::share`]. `None` where it must
@@ -213,6 +218,11 @@ impl Reach {
             max_radius: scheme.max_radius * scene_size,
             scene_size,
         }
+    }
+
+    /// What takes lengths to radii under kernels that bound an error.
+    pub(super) fn scale(&self) -> f32 {
+        self.scale
     }
 
     /// The radius of validity for a length R_i: where the positional error alone reaches the allowed one. Returns also the factor in (0, 1] by which the

@@ -1,8 +1,10 @@
 //! A caching scheme as plain data.
 
+use super::radiance_payload::{HitStorage, Storage};
+use super::radiance_placement::{RadianceMetric, RadiancePlacement};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
-use crate::gather::{Density, Layout, RadianceGradient, TranslationalGradient, TriangleRadiance};
+use crate::gather::{Density, HitChange, Layout, RadianceGradient, TranslationalGradient, TriangleRadiance};
 use serde::{Deserialize, Serialize};
 
 /// The length R_i from which a record's radius of validity is made.
@@ -54,13 +56,15 @@ pub enum FootprintKind {
     Sectors,
 }
 
-/// How a record's irradiance is continued beyond its position.
+/// How a record's irradiance, and its radiance, are continued beyond its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Extrapolation {
+    /// Not at all; irradiance by the rotation of the normal alone.
+    Zero,
     /// By its gradients.
     First,
-    /// By its gradients and its Hessian on the triangulated hemisphere, the second-order term being limited to the first-order one plus a quarter of the irradiance [Zhao, Eq. 3.18].
+    /// By its gradients and its Hessian on the triangulated hemisphere, the second-order term being limited to the first-order one plus a quarter of the value [Zhao, Eq. 3.18].
     Second,
     /// By quadratics along eight axes, for places and for normals, through values that its samples give as point sources [Ribardiere11, Sec. 5].
     Axes,
@@ -74,6 +78,16 @@ pub enum Contents {
     Indirect,
     /// Those of the first level direct light, too, so that no shadow rays are traced where they are used.
     DirectAndIndirect,
+}
+
+/// In which frame radiance records hold spherical harmonics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RadianceFrame {
+    /// That of the surface: nothing is turned on flat surfaces, elsewhere the lobe for each record.
+    Local,
+    /// That of the world: the lobe is turned once, and records when they are made.
+    World,
 }
 
 /// How the error of using a record elsewhere is estimated.
@@ -247,6 +261,20 @@ pub struct Scheme {
     /// Radiance records have the order that the point where they were made needs, and count as zero beyond it [Krivanek05]; otherwise the order that their surface needs at most, and no
     /// record of a lower order than the lobe's is used.
     pub radiance_padding: bool,
+    /// The frame of radiance records in spherical harmonics; hemispherical ones are always local.
+    pub radiance_frame: RadianceFrame,
+    /// How the numbers of radiance records are kept.
+    pub radiance_storage: Storage,
+    /// Radiance records serve diffuse surfaces, too: all points that the camera sees have records of the full order.
+    pub radiance_diffuse: bool,
+    /// From which error the areas of radiance records follow.
+    pub radiance_metric: RadianceMetric,
+    /// Of what that error is.
+    pub radiance_placement: RadiancePlacement,
+    /// How gathers for radiance records take into account that glossy hits look different from beside the record [Zhao, Sec. 3.8].
+    pub hit_change: HitChange,
+    /// Whether radiance records keep their hits, a reference to compare with.
+    pub radiance_hits: HitStorage,
 }
 
 impl Scheme {
@@ -291,9 +319,24 @@ impl Scheme {
             || self.extrapolation == Extrapolation::Second
     }
 
+    /// True if radiance records need the triangulated hemisphere.
+    pub(super) fn triangulates_radiance(&self) -> bool {
+        self.radiance_order > 0
+            && (self.radiance_gradient == RadianceGradient::Triangulated
+                || self.radiance_metric != RadianceMetric::Irradiance
+                || self.radiance_placement != RadiancePlacement::Incoming
+                || self.hit_change != HitChange::None)
+    }
+
     /// The scheme by which radiance records are placed.
     pub(super) fn for_radiance(&self) -> Self {
+        let metric = match self.radiance_metric {
+            RadianceMetric::Irradiance => self.metric,
+            RadianceMetric::First => Metric::Gradient,
+            RadianceMetric::Second => Metric::Hessian,
+        };
         Self {
+            metric,
             rays: (self.rays as f32 * self.radiance_rays).round().clamp(16.0, 1e6) as u32,
             density: self.radiance_density,
             error: self.error * self.radiance_error,
@@ -396,9 +439,11 @@ impl Scheme {
         }
         let simple = self.kernel != Kernel::Schwarzhaupt
             && self.footprint == FootprintKind::Disc
-            && self.extrapolation == Extrapolation::First;
+            && self.extrapolation != Extrapolation::Second;
         if self.refinement != Refinement::None && !simple {
-            return fail("setting `refinement` needs kernel `ward` or `tabellion`, footprint `disc` and extrapolation `first`");
+            return fail(
+                "setting `refinement` needs kernel `ward` or `tabellion`, footprint `disc` and no extrapolation to second order",
+            );
         }
         if self.translational_gradient == TranslationalGradient::WardHeckbert && self.strata != Strata::Polar {
             return fail("the translational gradient `ward-heckbert` needs strata `polar`");
@@ -417,6 +462,14 @@ impl Scheme {
         let radiance = self.radiance_order > 0;
         if radiance && self.radiance_gradient == RadianceGradient::Boundary && self.strata != Strata::Polar {
             return fail("the radiance gradient `boundary` needs strata `polar`");
+        }
+        if self.triangulates_radiance() {
+            let whole = self.radiance_gradient == RadianceGradient::Triangulated && self.radiance_basis == BasisKind::Sh;
+            if !(whole && self.strata == Strata::Concentric) {
+                return fail(
+                    "the settings `radiance_metric`, `radiance_placement` and `hit_change` need radiance gradient `triangulated`, and that needs radiance basis `sh` and strata `concentric`",
+                );
+            }
         }
         if self.triangulates() && self.strata != Strata::Concentric {
             return fail(

@@ -4,17 +4,21 @@
 //! [`HemisphereSamples`] turn that into irradiance, its error, distances to the surroundings and gradients. Local directions are in the frame of the surface point:
 //! z is the shading normal.
 
+mod coefficients;
 mod edge;
 mod estimate;
 mod gradient;
 mod hessian;
+mod hits;
 mod layout;
 mod radiance;
 mod sources;
 mod triangulation;
 
+pub use coefficients::RadianceDerivatives;
 pub use gradient::{Gradient, TranslationalGradient};
 pub use hessian::{Derivatives, Hessian};
+pub use hits::StoredHit;
 pub use layout::{Density, Layout};
 pub use radiance::{Coefficients, RadianceGradient};
 pub use sources::{Arrival, DirectLight, LightChoice, PointSources, irradiance_of};
@@ -22,6 +26,7 @@ pub use triangulation::TriangleRadiance;
 
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// What a gather ray met.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +40,19 @@ pub enum HitKind {
     Emitter,
     /// The environment.
     Environment,
+}
+
+/// How a probe finds the change of the radiance that arrives from a hit when the receiver moves. It is seen from another direction then, which matters where the hit is glossy [Zhao, Sec. 3.8].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HitChange {
+    /// Not at all: what a hit sends out is the same in all directions.
+    #[default]
+    None,
+    /// The reflection of what was traced from the hit is evaluated again towards receivers a little aside.
+    Frozen,
+    /// The same by the derivative of the lobe where the hit is a Phong lobe [Zhao, Eq. 3.45].
+    Analytic,
 }
 
 /// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`, `pdf` and `seed`, the probe the rest.
@@ -54,6 +72,10 @@ pub struct Bundle {
     pub kind: Vec<HitKind>,
     /// Seed of every random choice of the probe.
     pub seed: u64,
+    /// How the probe is to fill in `change`.
+    pub hit_change: HitChange,
+    /// The change of `radiance` per unit that the receiver moves along each tangent of its frame, what lights the hits staying as it is. Empty if the probe was not asked for it or cannot tell.
+    pub change: [Vec<Color>; 2],
 }
 
 impl Bundle {
@@ -79,6 +101,7 @@ impl Bundle {
         self.normal.resize(n, Vec3::ZERO);
         self.kind.clear();
         self.kind.resize(n, HitKind::None);
+        self.change.iter_mut().for_each(Vec::clear);
     }
 }
 
@@ -125,6 +148,19 @@ impl HemisphereSamples {
     /// An empty gather; its buffers are reused by every [`HemisphereSamples::gather`].
     pub fn new(layout: Layout, density: Density) -> Self {
         Self { frame: Frame::from_normal(Vec3::Z), layout, density, bundle: Bundle::default() }
+    }
+
+    /// The same gather that asks how the radiance of hits changes by the method `how`.
+    #[must_use]
+    pub fn with_change(mut self, how: HitChange) -> Self {
+        self.bundle.hit_change = how;
+        self
+    }
+
+    /// The change of the radiance of hits along each tangent, if the probe told it.
+    fn change(&self) -> Option<[&[Color]; 2]> {
+        let [s, t] = &self.bundle.change;
+        (s.len() == self.bundle.len() && t.len() == s.len() && !s.is_empty()).then_some([s, t])
     }
 
     /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random choice of the probe.

@@ -1,7 +1,7 @@
 //! Incident radiance as a sum of harmonics, and how its coefficients change with the position.
 
-use super::{Density, HemisphereSamples, Layout};
-use crate::basis::{Basis, Jet, LANES, Lane, index, triangle, zonal_factors};
+use super::{Density, HemisphereSamples, Layout, TriangleRadiance};
+use crate::basis::{Basis, Jet, LANES, Lane, Sh, index, triangle, zonal_factors};
 use crate::math::{Color, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
@@ -18,6 +18,8 @@ pub enum RadianceGradient {
     PerSample,
     /// Moving boundaries between strata, each with its own weight; sees silhouettes. Polar layout only.
     Boundary,
+    /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and has second derivatives. Concentric layout and spherical harmonics only.
+    Triangulated,
 }
 
 /// Coefficients of a colour-valued function: those of red, then green, then blue.
@@ -49,13 +51,16 @@ impl HemisphereSamples {
     /// The change of the coefficients per unit along each tangent of the gather's frame, by the method `kind`.
     ///
     /// # Panics
-    /// For [`RadianceGradient::Boundary`] on another layout than the polar one; schemes are checked for it when they are made.
+    /// For [`RadianceGradient::Boundary`] on another layout than the polar one, for [`RadianceGradient::Triangulated`] on another than the concentric one; schemes are checked for it when they are made.
     pub fn radiance_gradient(&self, basis: &dyn Basis, kind: RadianceGradient) -> [Coefficients; 2] {
         match kind {
             RadianceGradient::None => std::array::from_fn(|_| vec![0.0; 3 * basis.count()]),
             RadianceGradient::Displacement => self.displacement(basis),
             RadianceGradient::PerSample => self.per_sample_radiance(basis),
             RadianceGradient::Boundary => self.boundary(basis),
+            RadianceGradient::Triangulated => {
+                self.radiance_derivatives(&Sh::new(basis.order()), TriangleRadiance::Hybrid, false).gradient
+            }
         }
     }
 

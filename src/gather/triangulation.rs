@@ -25,9 +25,9 @@ const NEARLY_AS_FAR: f64 = 1.5;
 ///
 /// Vertex `j n + i` is sample (j, i); ring vertices follow in the order of the samples along the grid's border, counter-clockwise. Every square of four samples is cut along the diagonal from (j, i+1)
 /// to (j+1, i). The winding of triangles is that of the grid: jitter may turn a few of them over, and their shares then cancel what their neighbours have too much.
-struct Mesh {
+pub(super) struct Mesh {
     n: usize,
-    vertices: Vec<Vertex>,
+    pub vertices: Vec<Vertex>,
     radiance: Vec<Color>,
     /// Radiance of the triangle at the lower corner (j, i) of each square, then of the other one.
     squares: Vec<[Color; 2]>,
@@ -42,16 +42,32 @@ impl HemisphereSamples {
     /// to the horizon at its distance. The gradient is consistent with occlusion. So is the Hessian, but for corners where a silhouette crosses another edge, and its error falls only as the
     /// distance between samples: good enough for radii.
     ///
+    /// Where the probe told how the radiance of hits changes with the receiver's position ([`HitChange`](super::HitChange)), the gradient has the term `Σ Ω_k cos θ_k ∇L_k`, and the Hessian the products of that change with the
+    /// motion of the mesh; the second derivatives of L_k are left out.
+    ///
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.
     pub fn triangulated(&self, rule: TriangleRadiance) -> Derivatives {
-        let [x, y, xx, xy, yy] = Mesh::new(self, rule).sum().map(|c| Color::from_array(c.map(|c| c as f32)));
+        let color = |c: [f64; 3]| Color::from_array(c.map(|c| c as f32));
+        let [mut x, mut y, mut xx, mut xy, mut yy] = Mesh::new(self, &self.bundle.radiance, rule).sum().map(color);
+        if let Some(change) = self.change() {
+            let cosine = |k: usize| self.bundle.dir_local[k].z * self.solid_angle(k);
+            let [along_s, along_t] = &change;
+            x += along_s.iter().enumerate().map(|(k, c)| *c * cosine(k)).sum::<Color>();
+            y += along_t.iter().enumerate().map(|(k, c)| *c * cosine(k)).sum::<Color>();
+            let [ss, st, ..] = Mesh::new(self, along_s, rule).sum().map(color);
+            let [ts, tt, ..] = Mesh::new(self, along_t, rule).sum().map(color);
+            xx += 2.0 * ss;
+            xy += st + ts;
+            yy += 2.0 * tt;
+        }
         Derivatives { gradient: Gradient { s: x, t: y }, hessian: Hessian { ss: xx, st: xy, tt: yy } }
     }
 }
 
 impl Mesh {
-    fn new(samples: &HemisphereSamples, rule: TriangleRadiance) -> Self {
+    /// The mesh over `samples`, whose triangles have a radiance made of `of_samples`, one value for each sample.
+    pub fn new(samples: &HemisphereSamples, of_samples: &[Color], rule: TriangleRadiance) -> Self {
         let Layout::Concentric { n } = samples.layout else { panic!("the triangulated hemisphere needs the concentric layout") };
         let n = n as usize;
         let b = &samples.bundle;
@@ -65,13 +81,13 @@ impl Mesh {
             [w.x, w.y, w.z, 1.0 / f64::from(r.max(f32::MIN_POSITIVE))]
         }));
         let mut radiance = Vec::with_capacity(n * n + ring);
-        radiance.extend_from_slice(&b.radiance);
+        radiance.extend_from_slice(of_samples);
         for k in 0..ring {
             let sample = Self::border(n, k);
             let [x, y, _, inverse] = vertices[sample];
             let length = x.hypot(y);
             vertices.push(if length > 0.0 { [x / length, y / length, 0.0, inverse] } else { [1.0, 0.0, 0.0, inverse] });
-            radiance.push(b.radiance[sample]);
+            radiance.push(of_samples[sample]);
         }
         let mut mesh =
             Self { n, vertices, radiance, squares: Vec::with_capacity((n - 1) * (n - 1)), skirt: Vec::with_capacity(ring) };
@@ -129,7 +145,7 @@ impl Mesh {
         let mut sum = EdgeSum::new();
         self.edges(|a, b, left, right| {
             if left != right {
-                sum.add(a, b, (left - right).as_dvec3().to_array());
+                sum.add(&self.vertices[a], &self.vertices[b], (left - right).as_dvec3().to_array());
             }
         });
         sum.finish()
@@ -137,19 +153,19 @@ impl Mesh {
 
     /// Calls `visit(a, b, left, right)` for every edge from vertex a to vertex b between triangles of radiance `left` and `right`; outside the mesh it is black.
     #[inline]
-    fn edges(&self, mut visit: impl FnMut(&Vertex, &Vertex, Color, Color)) {
-        let (n, v) = (self.n, &self.vertices);
+    pub fn edges(&self, mut visit: impl FnMut(usize, usize, Color, Color)) {
+        let n = self.n;
         let across = n - 1;
         for j in 0..across {
             for i in 0..across {
                 let (k, square) = (j * n + i, j * across + i);
                 let [lower, upper] = self.squares[square];
-                visit(&v[k + 1], &v[k + n], lower, upper);
+                visit(k + 1, k + n, lower, upper);
                 if j > 0 {
-                    visit(&v[k], &v[k + 1], lower, self.squares[square - across][1]);
+                    visit(k, k + 1, lower, self.squares[square - across][1]);
                 }
                 if i > 0 {
-                    visit(&v[k], &v[k + n], self.squares[square - 1][1], lower);
+                    visit(k, k + n, self.squares[square - 1][1], lower);
                 }
             }
         }
@@ -163,8 +179,8 @@ impl Mesh {
                 2 => self.squares[across * across - 1 - step][1],
                 _ => self.squares[(across - 1 - step) * across][0],
             };
-            let (here, next) = (&v[Self::border(n, k)], &v[Self::border(n, k + 1)]);
-            let (below, below_next) = (&v[n * n + k], &v[n * n + (k + 1) % ring]);
+            let (here, next) = (Self::border(n, k), Self::border(n, k + 1));
+            let (below, below_next) = (n * n + k, n * n + (k + 1) % ring);
             let [low, high] = self.skirt[k];
             visit(here, next, inside, high);
             visit(here, below, low, self.skirt[(k + ring - 1) % ring][1]);
@@ -196,7 +212,7 @@ mod tests {
 
     /// Every edge of every triangle, one triangle at a time: what the sum over differences must equal. Also irradiance, by Lambert's formula.
     fn one_by_one(samples: &HemisphereSamples, rule: TriangleRadiance) -> (f64, [f64; 5]) {
-        let mesh = Mesh::new(samples, rule);
+        let mesh = Mesh::new(samples, &samples.bundle.radiance, rule);
         let (n, across, ring) = (mesh.n, mesh.n - 1, mesh.skirt.len());
         let mut triangles = Vec::new();
         for (square, colors) in mesh.squares.iter().enumerate() {
@@ -231,7 +247,7 @@ mod tests {
         for n in [4, 9, 32, 96] {
             for seed in 0..4 {
                 let samples = furnace(n, seed, |_| Color::ONE);
-                let sum = Mesh::new(&samples, TriangleRadiance::Hybrid).sum();
+                let sum = Mesh::new(&samples, &samples.bundle.radiance, TriangleRadiance::Hybrid).sum();
                 assert!(sum.iter().flatten().all(|x| x.abs() < 1e-9), "{n}: {sum:?}");
                 let (e, each) = one_by_one(&samples, TriangleRadiance::Hybrid);
                 assert!((e - std::f64::consts::PI).abs() < 1e-9, "{e}");

@@ -4,7 +4,7 @@ use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
 use super::{CameraSample, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::{Cache, LobeCoefficients, RadianceCache};
+use crate::cache::{Cache, HitStorage, LobeCoefficients, RadianceCache};
 use crate::gather::Deeper;
 use crate::material::Lobe;
 use crate::material::tables::GlossyTables;
@@ -246,8 +246,12 @@ impl<'a> CachedIntegrator<'a> {
         out.gloss = Status::Traced;
         let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
         let wo = v.point.frame.to_local(v.point.wo);
-        lobe.order = gloss.tables.project(v.point.material, &v.bsdf, wo, &mut lobe.values)?;
-        let answer = gloss.records.lookup(&v.point, limit, lobe);
+        let answer = if gloss.records.hit_storage() == HitStorage::None {
+            lobe.order = gloss.tables.project(v.point.material, &v.bsdf, wo, &mut lobe.values)?;
+            gloss.records.lookup(&v.point, limit, lobe)
+        } else {
+            self.tracer.from_hits(v, limit, gloss, self.cache)
+        };
         out.lookups += 1;
         let Some(answer) = answer else {
             out.misses += 1;

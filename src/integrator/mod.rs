@@ -3,15 +3,19 @@
 mod bdpt;
 mod cached;
 mod direct;
+mod hit_change;
 mod outgoing;
 mod path;
 mod points;
 mod probe;
+mod reflector;
+mod stored_hits;
 
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::{CachedIntegrator, Gloss};
 pub use path::{Origin, PathTracer, Start};
 pub use probe::{Counts, SceneProbe};
+pub use reflector::SceneReflector;
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};

@@ -12,16 +12,21 @@ use crate::sampling::{Sampler, hash};
 const NEARBY: f32 = 1e-4;
 
 impl PathTracer<'_> {
-    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect, by `samples` paths that end in `cache` where it knows the light;
-    /// what the first segment of a path sees shine is direct light and left out. `None` if no surface passes through the point.
-    pub fn glossy_indirect(&self, at: &SurfacePoint, samples: u32, seed: u64, cache: &dyn Deeper) -> Option<Color> {
+    /// The surface that passes through `at`, seen from `at.wo`; `None` if there is none. `seed` decides where it is partly transparent.
+    pub(super) fn surface_at(&self, at: &SurfacePoint, seed: u64) -> Option<Vertex> {
         let reach = NEARBY * self.scene.size();
         let towards = Ray { origin: at.position + reach * at.ng, tmin: 0.0, dir: -at.ng, tmax: 2.0 * reach };
         let (mut point, _) = self.scene.intersect(&towards, seed)?;
         point.footprint = at.footprint;
         point.wo = at.wo;
         let bsdf = self.scene.shade(&mut point);
-        let vertex = Vertex { point, bsdf };
+        Some(Vertex { point, bsdf })
+    }
+
+    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect, by `samples` paths that end in `cache` where it knows the light;
+    /// what the first segment of a path sees shine is direct light and left out. `None` if no surface passes through the point.
+    pub fn glossy_indirect(&self, at: &SurfacePoint, samples: u32, seed: u64, cache: &dyn Deeper) -> Option<Color> {
+        let vertex = self.surface_at(at, seed)?;
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);

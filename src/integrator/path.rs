@@ -81,6 +81,8 @@ pub(super) struct Step {
     pub light: Option<(Ray, Reflected)>,
     /// The sampled direction and the ray into it.
     pub next: Option<(BsdfSample, Ray)>,
+    /// What was sampled.
+    pub sampled: Sampled,
 }
 
 /// Light leaving a surface, by the diffuse lobe and by the others.
@@ -246,7 +248,7 @@ impl PathTracer<'_> {
                 next = None;
             }
         }
-        Step { cached, light, next }
+        Step { cached, light, next, sampled }
     }
 
     /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.

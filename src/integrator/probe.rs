@@ -1,9 +1,10 @@
 //! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their hits, paths where no cache helps.
 
 use super::direct::LightPoints;
+use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start, Vertex};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::gather::{Bundle, Deeper, DirectLight, HitKind, LightChoice, RadianceProbe};
+use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
@@ -65,7 +66,10 @@ impl RadianceProbe for SceneProbe<'_> {
 
         // Shade the hits; shadow rays wait to be traced together.
         let mut shadows: Vec<Ray> = Vec::with_capacity(rays.len());
-        let mut lit: Vec<(usize, Color)> = Vec::with_capacity(rays.len());
+        let mut lit: Vec<(usize, Color, Option<Change>)> = Vec::with_capacity(rays.len());
+        if bundle.hit_change != HitChange::None {
+            bundle.change = [0, 1].map(|_| vec![Color::ZERO; bundle.len()]);
+        }
         let mut paths = 0;
         for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
             let seed = hash(&[bundle.seed, k as u64]);
@@ -84,25 +88,33 @@ impl RadianceProbe for SceneProbe<'_> {
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
-            let mut radiance = step.cached;
+            let views = Views::new(bundle.hit_change, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
+                let change = views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
                 shadows.push(shadow);
-                lit.push((k, through * reflected.sum()));
+                lit.push((k, through * reflected.sum(), change));
             }
-            if let Some((sample, next)) = step.next {
+            let mut followed = Color::ZERO;
+            if let Some((sample, next)) = &step.next {
                 let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
-                let light = self.tracer.incoming(&next, &start, &mut sampler, seed, Some(deeper));
-                radiance += sample.weight * (light.direct + light.indirect);
+                let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(deeper));
+                followed = sample.weight * (light.direct + light.indirect);
                 paths += 1;
             }
-            bundle.radiance[k] = finite(through * radiance);
+            bundle.radiance[k] = finite(through * (step.cached + followed));
+            if let Some(views) = views {
+                add_change(bundle, k, views.of_step(&step, followed).map(|c| through * c));
+            }
         }
 
         let mut blocked = vec![false; shadows.len()];
         scene.occluded_many(&shadows, &mut blocked);
-        for ((k, radiance), blocked) in lit.into_iter().zip(blocked) {
+        for ((k, radiance, change), blocked) in lit.into_iter().zip(blocked) {
             if !blocked {
                 bundle.radiance[k] += finite(radiance);
+                if let Some(change) = change {
+                    add_change(bundle, k, change);
+                }
             }
         }
         self.counts.bundle_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
@@ -112,6 +124,12 @@ impl RadianceProbe for SceneProbe<'_> {
 
     fn lights<'a>(&'a self, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice) -> Option<Box<dyn DirectLight + 'a>> {
         Some(Box::new(LightPoints::new(self.tracer.scene, from, bundle, choice, &self.counts.shadow_rays)))
+    }
+}
+
+fn add_change(bundle: &mut Bundle, k: usize, change: Change) {
+    for (sum, c) in bundle.change.iter_mut().zip(change) {
+        sum[k] += finite(c);
     }
 }
 

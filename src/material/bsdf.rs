@@ -243,6 +243,14 @@ impl Bsdf {
         matches!(&self.0, Model::Layered(l) if l.transmits())
     }
 
+    /// The derivative of `ln f_glossy(wo, wi)` by wo where that is a Phong lobe, `s r/(r·wo)` with r the mirror image of `wi` [Zhao, Eq. 3.45, divided by f and with the exponent s - 1 that is missing there]; the part along wo is to be left out.
+    pub(crate) fn logarithmic_slope(&self, wo: Vec3, wi: Vec3) -> Option<Vec3> {
+        let NativeBrdf::Phong { exponent, .. } = self.native_brdf()? else { return None };
+        let mirrored = Vec3::new(-wi.x, -wi.y, wi.z);
+        let cos = mirrored.dot(wo);
+        Some(if cos > 0.0 && wi.z > 0.0 { *exponent / cos * mirrored } else { Vec3::ZERO })
+    }
+
     /// The model, if it is one of the papers' BRDFs.
     pub(super) fn native_brdf(&self) -> Option<&NativeBrdf> {
         match &self.0 {

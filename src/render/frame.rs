@@ -6,7 +6,9 @@ use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, RadianceCac
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{self, Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, Shaded, Splat};
+use crate::integrator::{
+    self, Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, SceneReflector, Shaded, Splat,
+};
 use crate::material::tables::{GlossyTables, TableSettings, TableStore};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
@@ -150,10 +152,11 @@ fn gloss(scene: &Scene, settings: &Settings) -> Option<Gloss> {
         order: usize::from(scheme.radiance_order),
         loss: scheme.radiance_loss,
         padding: scheme.radiance_padding,
+        whole: scheme.radiance_diffuse,
     };
     let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
     let records = RadianceCache::new(scheme, settings.max_bounces, scene.size());
-    (!tables.is_empty()).then(|| Gloss { tables, records, fill: FillStats::default() })
+    (scheme.radiance_diffuse || !tables.is_empty()).then(|| Gloss { tables, records, fill: FillStats::default() })
 }
 
 /// Fills all levels, deepest first. Returns for each pixel of the window how many records existed when it was visited.
@@ -171,7 +174,7 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         .filter_map(|&p| {
             let sample = camera_sample(settings, p, 0, u32::MAX);
             let (point, order) = tracer.first_cached(&sample.camera, sample.seed, tables)?;
-            Some((p, point, order))
+            Some((p, point, if settings.scheme.radiance_diffuse { settings.scheme.radiance_order } else { order }))
         })
         .collect();
     let everything: Vec<SurfacePoint> = visible.iter().map(|v| v.1).collect();
@@ -211,7 +214,11 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
     }
     if let Some(gloss) = &mut frame.gloss {
         let points = RadiancePoints { points: LevelPoints { points: glossy_points, round }, orders };
-        gloss.fill = gloss.records.fill(&probe, &points, cache, settings.seed, progress)?;
+        let reflector = SceneReflector { tracer, tables: &gloss.tables };
+        gloss.fill = gloss.records.fill(&probe, &points, cache, Some(&reflector), settings.seed, progress)?;
+        if settings.scheme.radiance_diffuse {
+            cache.share_level(0, gloss.records.placement());
+        }
         for (&pixel, &birth) in glossy_pixels.iter().zip(&gloss.fill.births) {
             births[pixel as usize] = birth;
         }

@@ -2,9 +2,11 @@
 
 mod disk;
 mod lobe;
+mod matrix;
 
 pub use disk::{TABLES_VARIABLE, TableStore};
 pub use lobe::{Lobe, LobeTable};
+pub use matrix::BrdfMatrix;
 
 use super::bsdf::Bsdf;
 use super::microfacet::{ggx_d, schlick_weight, visibility};
@@ -13,6 +15,7 @@ use crate::basis::{Basis, BasisKind};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// What tables are made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +28,8 @@ pub struct TableSettings {
     pub loss: f32,
     /// Records may have too low an order for some directions: see [`GlossyTables::record_order`].
     pub padding: bool,
+    /// Lobes are given with all bands, and not with those alone that `loss` asks for.
+    pub whole: bool,
 }
 
 impl Entry {
@@ -67,6 +72,10 @@ pub struct GlossyTables {
     native: Vec<Option<Entry>>,
     /// The GGX lobe at ascending α. Its two parts are what the reflectances at normal and at grazing incidence are multiplied with.
     ggx: Vec<(f32, Entry)>,
+    /// The cosine over the hemisphere in the basis.
+    cosine: Vec<f32>,
+    /// For each material the matrix of its BRDF, if it is one of the papers' and was asked for.
+    matrices: Vec<OnceLock<BrdfMatrix>>,
 }
 
 /// A table with the factors of its parts.
@@ -94,12 +103,18 @@ impl GlossyTables {
                 (alpha, Entry::new(table, &GGX_TINTS, settings.loss))
             })
             .collect();
-        Self { settings, native, ggx }
+        let matrices = materials.iter().map(|_| OnceLock::new()).collect();
+        Self { settings, native, ggx, cosine: settings.cosine(), matrices }
     }
 
     /// True if no material has lobes that were tabulated.
     pub fn is_empty(&self) -> bool {
         self.ggx.is_empty() && self.native.iter().all(Option::is_none)
+    }
+
+    /// Number of functions of the basis.
+    pub fn coefficient_count(&self) -> usize {
+        self.settings.order * self.settings.order
     }
 
     /// The order of a record that serves the glossy lobes of `bsdf` at `at`: what they need for `at.wo`, or with `padding` off for any direction. `None` where there are no such lobes, where they are of high frequency for `at.wo`, or where light passes through the surface.
@@ -111,10 +126,11 @@ impl GlossyTables {
         Some(if self.settings.padding { order } else { largest } as u8)
     }
 
-    /// Writes the coefficients of the glossy lobes of `bsdf` times the cosine for `wo` to `out`, three runs of as many numbers as the basis has functions, and returns their order; `None` as in [`GlossyTables::record_order`].
+    /// Writes the coefficients of the glossy lobes of `bsdf` times the cosine for `wo` to `out`, three runs of as many numbers as the basis has functions, and returns the number of bands that were written; `None` as in [`GlossyTables::record_order`].
     pub fn project(&self, material: u32, bsdf: &Bsdf, wo: Vec3, out: &mut Vec<f32>) -> Option<usize> {
         let terms = self.terms(material, bsdf, wo)?;
-        let order = self.order_of(&terms, wo)?;
+        let needed = self.order_of(&terms, wo)?;
+        let order = if self.settings.whole { self.settings.order } else { needed };
         out.clear();
         out.resize(3 * self.settings.order * self.settings.order, 0.0);
         for term in terms.iter().flatten() {

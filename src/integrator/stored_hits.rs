@@ -1,0 +1,51 @@
+//! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see what those are worth.
+
+use super::cached::Gloss;
+use super::path::{PathTracer, Start, Vertex};
+use crate::cache::{HitStorage, RadianceAnswer};
+use crate::gather::{Deeper, StoredHit};
+use crate::geometry::SurfacePoint;
+use crate::math::{Color, Vec3};
+use crate::sampling::{Sampler, hash};
+
+impl PathTracer<'_> {
+    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the first level sees it: its indirect light from `deeper` where that knows it, no emission.
+    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, deeper: &dyn Deeper) -> Color {
+        let plain = SurfacePoint::plain(hit.position, hit.normal);
+        let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else { return Color::ZERO };
+        let mut sampler = Sampler::new(seed, 0);
+        let step = self.step(&vertex, &mut sampler, 1, Some(deeper));
+        let mut radiance = step.cached;
+        if let Some((shadow, lit)) = &step.light
+            && !self.scene.occluded(shadow, seed)
+        {
+            radiance += lit.sum();
+        }
+        if let Some((sample, next)) = &step.next {
+            let start = Start { bounces: 1, pdf: sample.pdf, origin: vertex.origin() };
+            let light = self.incoming(next, &start, &mut sampler, seed, Some(deeper));
+            radiance += sample.weight * (light.direct + light.indirect);
+        }
+        if radiance.is_finite() { radiance } else { Color::ZERO }
+    }
+
+    /// The glossy reflection at `v` of the hits that the records of `gloss` keep; with [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
+    pub(super) fn from_hits(&self, v: &Vertex, limit: u32, gloss: &Gloss, deeper: &dyn Deeper) -> Option<RadianceAnswer> {
+        let seed = hash(&v.point.position.to_array().map(|x| u64::from(x.to_bits())));
+        let wo = v.point.frame.to_local(v.point.wo);
+        let traced = gloss.records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;
+        let mut number = 0;
+        gloss.records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
+            number += 1;
+            let wi = v.point.frame.to_local(direction);
+            if wi.z <= 0.0 || direction.dot(v.point.ng) <= 0.0 {
+                return Color::ZERO;
+            }
+            let share = v.bsdf.f_glossy(wo, wi) * (wi.z * solid_angle);
+            if share == Color::ZERO || hit.normal == Vec3::ZERO || !traced {
+                return share * hit.radiance;
+            }
+            share * self.leaving(hit, -direction, hash(&[seed, number]), deeper)
+        })
+    }
+}

@@ -1,0 +1,112 @@
+//! Light from one glossy surface on another: the change of radiance with the point it is seen from, as records have it, against differences of dense gathers; pictures with and without it.
+
+use crate::pictures::{build, own};
+use crate::radiance::{norm, off};
+use lumicache::accel::Ray;
+use lumicache::basis::{Basis, Sh};
+use lumicache::gather::{Density, HemisphereSamples, HitChange, Layout, NoDeeper, TriangleRadiance};
+use lumicache::geometry::SurfacePoint;
+use lumicache::integrator::{PathTracer, SceneProbe};
+use lumicache::material::{Material, NativeBrdf};
+use lumicache::math::{Color, Vec3};
+use lumicache::scene::Scene;
+
+/// The two planes with the wall made of `wall`, and a point of the floor.
+fn planes(wall: Option<Material>) -> Scene {
+    let mut data = own("two-glossy-planes");
+    if let Some(wall) = wall {
+        let place =
+            data.materials.iter().position(|m| matches!(m.native, Some(NativeBrdf::Phong { exponent, .. }) if exponent > 20.0));
+        let place = place.expect("the wall is the sharper of the two");
+        data.materials[place] = Material { double_sided: true, ..wall };
+    }
+    build(data)
+}
+
+/// The floor at `(x, 0, z)`.
+fn floor(scene: &Scene, x: f32, z: f32) -> SurfacePoint {
+    let down = Ray { origin: Vec3::new(x, 0.5, z), tmin: 0.0, dir: Vec3::NEG_Y, tmax: 1.0 };
+    scene.intersect(&down, 0).expect("there is a floor").0
+}
+
+const PLACE: [f32; 2] = [0.45, 0.1];
+
+fn gathered(scene: &Scene, at: &SurfacePoint, n: u32, seed: u64, how: HitChange) -> HemisphereSamples {
+    // One bounce: what the point light sends to a hit is reflected once, and no sample is noisy.
+    let probe = SceneProbe::new(PathTracer { scene, max_bounces: 1 });
+    let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine).with_change(how);
+    samples.gather(&probe, at, 0, &NoDeeper, seed);
+    samples
+}
+
+/// Gradient of the red coefficients of five bands, as the mean over eight gathers of 64 x 64 rays.
+fn gradient(scene: &Scene, how: HitChange) -> [Vec<f64>; 2] {
+    let basis = Sh::new(5);
+    let mut sum = [vec![0.0; basis.count()], vec![0.0; basis.count()]];
+    for seed in 0..8 {
+        let d = gathered(scene, &floor(scene, PLACE[0], PLACE[1]), 64, seed, how).radiance_derivatives(
+            &basis,
+            TriangleRadiance::Hybrid,
+            false,
+        );
+        for (sum, got) in sum.iter_mut().zip(&d.gradient) {
+            sum.iter_mut().zip(got).for_each(|(s, g)| *s += f64::from(*g) / 8.0);
+        }
+    }
+    sum
+}
+
+/// The same by central differences of gathers of 10⁶ rays along the same directions.
+fn reference(scene: &Scene) -> [Vec<f64>; 2] {
+    let basis = Sh::new(5);
+    let h = 0.01;
+    let frame = floor(scene, PLACE[0], PLACE[1]).frame;
+    [frame.s, frame.t].map(|axis| {
+        let at = |sign: f32| {
+            let moved = h * sign * axis;
+            gathered(scene, &floor(scene, PLACE[0] + moved.x, PLACE[1] + moved.z), 1000, 7, HitChange::None).project(&basis)
+        };
+        let (ahead, behind) = (at(1.0), at(-1.0));
+        (0..basis.count()).map(|i| f64::from(ahead[i] - behind[i]) / f64::from(2.0 * h)).collect()
+    })
+}
+
+#[test]
+fn the_gradient_knows_that_hits_look_different_from_elsewhere() {
+    let phong = |exponent| Material {
+        native: Some(NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.6), exponent }),
+        ..Material::default()
+    };
+    let metal = Material { base_color: Color::splat(0.8), metallic: 1.0, roughness: 0.5, ..Material::default() };
+    let coated = Material { clearcoat: 1.0, clearcoat_roughness: 0.5, ..Material::default() };
+    for (wall, name) in [(phong(24.0), "Phong 24"), (phong(8.0), "Phong 8"), (metal, "metal"), (coated, "coated")] {
+        let scene = planes(Some(wall));
+        let expected = reference(&scene);
+        let [without, with] = [HitChange::None, HitChange::Frozen].map(|how| off(&gradient(&scene, how), &expected));
+        println!("{name}: gradient off by {without:.3} without the change, {with:.3} with it");
+        assert!(with < 0.05, "{name}: off by {with}");
+        assert!(without > 0.3, "{name}: off by {without} only");
+    }
+}
+
+#[test]
+fn the_closed_form_agrees_with_evaluation_aside() {
+    let scene = planes(None);
+    let [frozen, analytic] = [HitChange::Frozen, HitChange::Analytic].map(|how| gradient(&scene, how));
+    assert!(off(&frozen, &analytic) < 5e-3, "{}", off(&frozen, &analytic));
+    assert!(norm(&analytic[0]) > 0.0);
+}
+
+#[test]
+fn diffuse_hits_look_the_same_from_everywhere() {
+    let scene = planes(Some(Material {
+        native: Some(NativeBrdf::Phong { kd: Color::splat(0.7), ks: Color::ZERO, exponent: 1.0 }),
+        ..Material::default()
+    }));
+    for how in [HitChange::Frozen, HitChange::Analytic] {
+        let samples = gathered(&scene, &floor(&scene, PLACE[0], PLACE[1]), 32, 1, how);
+        assert!(samples.bundle().radiance.iter().any(|l| *l != Color::ZERO));
+        assert!(samples.bundle().change.iter().all(|c| c.len() == samples.bundle().len()));
+        assert!(samples.bundle().change.iter().flatten().all(|c| *c == Color::ZERO));
+    }
+}
