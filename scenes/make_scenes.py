@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dim_rooms import slit_light, staircase_room
 from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
+from glossy_scenes import glossy_scenes
 from ies_hall import ies_hall
 from indirect_room import indirect_room
 
@@ -479,6 +480,7 @@ def all_scenes():
     yield staircase_room()
     yield slit_light()
     yield ies_hall()
+    yield from glossy_scenes()
 
 
 def main():

@@ -16,6 +16,7 @@ mod index;
 mod live;
 mod locate;
 mod metric;
+mod outgoing;
 mod preset;
 mod published;
 mod radiance;
@@ -31,8 +32,9 @@ pub use fill::{FillStats, LevelPoints};
 pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
+pub use outgoing::Lobes;
 pub use preset::{PRESETS, Preset};
-pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
+pub use radiance::{GlossyView, LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints, Sources};
 pub use record::{Curve, Reach, Record};
 pub use scheme::{ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
 

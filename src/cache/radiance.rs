@@ -3,7 +3,7 @@
 //! They serve glossy surfaces of low frequency: what such a surface sends to the viewer is the product of two vectors, the record's coefficients and those of the lobe. Records are placed as irradiance
 //! records are, in a cache of their own.
 
-use super::{Cache, FillStats, Index, LevelPoints, Record, Scheme};
+use super::{Appearance, Cache, FillStats, Index, LevelPoints, Lobes, Record, Scheme};
 use crate::basis::{Basis, BasisKind, LANES, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
 use crate::error::Result;
 use crate::gather::{Coefficients, HemisphereSamples, RadianceGradient, RadianceProbe};
@@ -29,6 +29,8 @@ pub(super) struct Maker {
     bases: Vec<Box<dyn Basis>>,
     gradient: RadianceGradient,
     rotation: OnceLock<Rotation>,
+    /// Coefficients of the cosine over the hemisphere.
+    cosine: Vec<f32>,
 }
 
 /// Shading points with the orders that their lobes need.
@@ -63,6 +65,26 @@ pub struct RadianceAnswer {
     pub records: u32,
 }
 
+/// Glossy shading points as adaptive caching sees them.
+#[derive(Clone, Copy)]
+pub struct GlossyView<'a> {
+    /// The points, with the orders of their records.
+    pub points: &'a RadiancePoints,
+    /// How they look.
+    pub appearance: &'a [Appearance],
+    /// Their lobes.
+    pub lobes: &'a Lobes<'a>,
+}
+
+/// Where gathers find light.
+#[derive(Clone, Copy)]
+pub struct Sources<'a> {
+    /// What traces them.
+    pub probe: &'a dyn RadianceProbe,
+    /// What knows the indirect light at their hits.
+    pub deeper: &'a Cache,
+}
+
 /// General rotations of the basis in use.
 enum Rotation {
     Hsh(Tilt),
@@ -76,8 +98,6 @@ pub struct RadianceCache {
     records: Vec<Radiance>,
     /// For each record the factor on its gradient: see [`super::Reach::radius`].
     gradient_scales: Vec<f32>,
-    /// Coefficients of the cosine over the hemisphere.
-    cosine: Vec<f32>,
     padding: bool,
 }
 
@@ -91,22 +111,19 @@ impl RadianceCache {
     /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`.
     pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
         let order = usize::from(scheme.radiance_order);
-        let maker = Maker {
-            kind: scheme.radiance_basis,
-            bases: (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect(),
-            gradient: scheme.radiance_gradient,
-            rotation: OnceLock::new(),
-        };
-        let cosine = cosine(maker.bases[order - 1].as_ref());
+        let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
+        let cosine = cosine(bases[order - 1].as_ref());
+        let (kind, gradient) = (scheme.radiance_basis, scheme.radiance_gradient);
+        let maker = Maker { kind, bases, gradient, rotation: OnceLock::new(), cosine };
         let padding = scheme.radiance_padding;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
-        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), cosine, padding }
+        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), padding }
     }
 
-    /// Makes records until every point is covered; gathers take indirect light at their hits from `deeper`. As [`Cache::fill`], of which it is a kind.
+    /// Makes records until every point is covered, beside those that there are already; gathers take indirect light at their hits from `deeper`. As [`Cache::fill`], of which it is a kind.
     ///
     /// # Errors
-    /// [`crate::error::Error::Cancelled`]; the cache stays empty then.
+    /// [`crate::error::Error::Cancelled`]; the cache stays as it was then.
     pub fn fill(
         &mut self,
         probe: &dyn RadianceProbe,
@@ -115,12 +132,30 @@ impl RadianceCache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let (records, stats) = self.cache.fill_radiance(probe, points, deeper, &self.maker, seed, progress)?;
+        let stats = self.cache.fill_radiance(probe, points, deeper, &self.maker, &mut self.records, seed, progress)?;
+        self.rescale();
+        Ok(stats)
+    }
+
+    /// Refines the filled cache until it has fully converged with respect to `points` [Krivanek06, Algorithm 1]: as [`Cache::converge`], but records are compared by the radiance that leaves the points by all
+    /// their lobes. So their density follows the sharpness of the lobes and the direction of view.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Cancelled`], and the cache is empty then; [`crate::error::Error::InvalidArgument`] if `points` and `appearance` are not of one length.
+    pub fn converge(&mut self, view: &GlossyView, sources: &Sources, seed: u64, progress: &Progress) -> Result<FillStats> {
+        let records = std::mem::take(&mut self.records);
+        let outcome = self.cache.converge_radiance(view, sources, (&self.maker, self.padding), records, seed, progress);
+        let (records, stats) = outcome?;
+        self.records = records;
+        self.rescale();
+        Ok(stats)
+    }
+
+    /// Notes the factors on the gradients of the records as they are now.
+    fn rescale(&mut self) {
         let reach = self.cache.shading_reach(0);
         let level = self.cache.level(0).map_or(&[][..], |l| l.records());
         self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
-        self.records = records;
-        Ok(stats)
     }
 
     /// The irradiance part of the records, by their ids.
@@ -150,29 +185,14 @@ impl RadianceCache {
     pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
         let index: &Index = self.cache.level(0)?.index();
         let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
-        if self.maker.kind == BasisKind::Sh {
-            lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
-        }
+        self.maker.prepare(at, lobe);
         index.visit(at, limit, |valid| {
             let record = &self.records[valid.id as usize];
             if record.order < lobe.order && !self.padding {
                 return;
             }
             let offset = valid.offset * self.gradient_scales[valid.id as usize];
-            let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
-            let radiance = if self.maker.kind == BasisKind::Sh {
-                record.product(offset, lobe.rotated().0)
-            } else if same {
-                record.product(offset, runs(&lobe.values))
-            } else {
-                let turn = Turn::between(&at.frame, &record.frame);
-                lobe.rotate(&self.cosine, SPILL, |c| self.maker.rotation().rotate(c, turn));
-                let (lobe, cosine) = lobe.rotated();
-                let tilted = luminance(record.product(offset, [cosine; 3]));
-                let correction = luminance(valid.irradiance) / tilted.max(1e-20);
-                record.product(offset, lobe) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
-            };
-            glossy += valid.weight * radiance.max(Color::ZERO);
+            glossy += valid.weight * self.maker.leaving(record, at, offset, valid.irradiance, lobe);
             irradiance += valid.weight * valid.irradiance;
             weights += valid.weight;
             errors += valid.weight * valid.error;
@@ -224,6 +244,11 @@ impl Radiance {
         Color::new(channel(0), channel(1), channel(2))
     }
 
+    /// Number of bands.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
     /// The distance over which the gradient changes the coefficients by as much as they are, `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
     pub fn length(&self) -> f32 {
         let [value, s, t] = self.coefficients.each_ref().map(|c| dot(c, c));
@@ -250,6 +275,39 @@ impl Maker {
             }
         }
         Radiance { frame, order, coefficients }
+    }
+
+    /// Makes a lobe ready for the records around `at`: spherical ones are all kept in the world's frame.
+    pub fn prepare(&self, at: &SurfacePoint, lobe: &mut LobeCoefficients) {
+        if self.kind == BasisKind::Sh {
+            lobe.rotate(&self.cosine, 0, |c| self.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
+        }
+    }
+
+    /// Radiance that leaves `at` by `lobe`, which is prepared, if `record` alone is asked: `max(0, c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y))`. `offset` leads from the record to the point and is
+    /// what the gradient is multiplied with; `irradiance` is what the record's irradiance predicts at the point.
+    pub fn leaving(
+        &self,
+        record: &Radiance,
+        at: &SurfacePoint,
+        offset: Vec3,
+        irradiance: Color,
+        lobe: &mut LobeCoefficients,
+    ) -> Color {
+        let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
+        let radiance = if self.kind == BasisKind::Sh {
+            record.product(offset, lobe.rotated().0)
+        } else if same {
+            record.product(offset, runs(&lobe.values))
+        } else {
+            let turn = Turn::between(&at.frame, &record.frame);
+            lobe.rotate(&self.cosine, SPILL, |c| self.rotation().rotate(c, turn));
+            let (lobe, cosine) = lobe.rotated();
+            let tilted = luminance(record.product(offset, [cosine; 3]));
+            let correction = luminance(irradiance) / tilted.max(1e-20);
+            record.product(offset, lobe) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
+        };
+        radiance.max(Color::ZERO)
     }
 
     /// Made when the first rotation is asked for: flat surfaces need none.

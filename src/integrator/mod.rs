@@ -6,11 +6,14 @@ mod outgoing;
 mod path;
 mod points;
 mod probe;
+mod service;
 
 pub use bdpt::{Bidirectional, Splat};
-pub use cached::{CachedIntegrator, Gloss};
+pub use cached::CachedIntegrator;
 pub use path::{Origin, PathTracer, Start};
+pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
+pub use service::{Gloss, Service};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};

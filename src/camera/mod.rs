@@ -1,4 +1,8 @@
-//! Cameras: pixel sample to ray, with its footprint.
+//! Cameras: pixel sample to ray, with its footprint, and how they move.
+
+mod motion;
+
+pub use motion::{Interpolation, Joint, Motion, Track, without_scale};
 
 use crate::math::{Affine3A, Vec2, Vec3};
 
