@@ -1,6 +1,6 @@
 """Scenes of glossy Phong surfaces: two planes at a right angle. Used by make_scenes.py."""
 
-from gltf import Scene, Shape
+from gltf import Scene, Shape, phong
 
 
 def two_glossy_planes():
@@ -11,8 +11,8 @@ def two_glossy_planes():
         (480, 360),
         notes="A Phong floor that reflects a Phong wall outside the picture: radiance from the wall changes with the point it is seen from.",
     )
-    floor = s.material("floor", (0.1, 0.1, 0.1), phong=(0.1, 0.6, 5.0), double=True)
-    wall = s.material("wall", (0.1, 0.1, 0.1), phong=(0.1, 0.6, 24.0), double=True)
+    floor = s.material("floor", (0.1, 0.1, 0.1), native=phong(0.1, 0.6, 5.0), double=True)
+    wall = s.material("wall", (0.1, 0.1, 0.1), native=phong(0.1, 0.6, 24.0), double=True)
     s.add("floor", Shape().face((0, 0, 1.5), (2.5, 0, 1.5), (2.5, 0, -1.5), (0, 0, -1.5)), floor)
     s.add("wall", Shape().face((0, 0, 1.5), (0, 0, -1.5), (0, 1.6, -1.5), (0, 1.6, 1.5)), wall)
     s.point_light("light", (0.9, 1.1, 0.25), (1.0, 0.95, 0.85), 12.0)

@@ -29,6 +29,16 @@ def unit(a):
     return (a[0] / length, a[1] / length, a[2] / length)
 
 
+def quaternion(x, y, z):
+    """The rotation (x, y, z, w) that takes the axes to these."""
+    w = math.sqrt(max(0.0, 1 + x[0] + y[1] + z[2])) / 2
+    if w > 0.1:
+        return ((y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w), w)
+    # Nearly half a turn: turn by half a turn around y more, and back.
+    a, b, c, d = quaternion(tuple(-v for v in x), y, tuple(-v for v in z))
+    return (-c, d, a, -b)
+
+
 class Random:
     """A 32-bit linear congruential generator (Numerical Recipes' constants): the same numbers everywhere."""
 
@@ -209,6 +219,11 @@ def png(width, height, pixels):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
 
 
+def phong(kd, ks, exponent):
+    """The BRDF of Phong, for a material."""
+    return {"brdf": "phong", "kd": kd, "ks": ks, "exponent": exponent}
+
+
 class Scene:
     """A scene under construction; `write` makes its three files."""
 
@@ -230,13 +245,16 @@ class Scene:
     def material(
         self, name, color=(0.8, 0.8, 0.8), rough=1.0, metal=0.0, specular=1.0, double=False, texture=None, alpha=None, **more
     ):
-        """Adds a material. `more`: emission (factor, strength), clearcoat (factor, roughness), glass (ior), cutoff, phong (kd, ks, exponent) in place of everything else."""
+        """Adds a material. `more`: emission (factor, strength), clearcoat (factor, roughness), glass (ior), cutoff, native (a BRDF of
+        the papers)."""
         pbr = {"baseColorFactor": [*color, 1.0 if alpha is None else alpha], "metallicFactor": metal, "roughnessFactor": rough}
         if texture is not None:
             pbr["baseColorTexture"] = {"index": texture}
         material, extensions = {"name": name, "pbrMetallicRoughness": pbr}, {}
         if double:
             material["doubleSided"] = True
+        if "native" in more:
+            material["extras"] = {"lumicache": more["native"]}
         if specular != 1.0:
             extensions["KHR_materials_specular"] = {"specularFactor": specular}
         if "emission" in more:
@@ -249,9 +267,6 @@ class Scene:
             extensions["KHR_materials_transmission"] = {"transmissionFactor": 1.0}
             extensions["KHR_materials_ior"] = {"ior": more["glass"]}
             extensions["KHR_materials_volume"] = {"thicknessFactor": 1.0}
-        if "phong" in more:
-            kd, ks, exponent = more["phong"]
-            material["extras"] = {"lumicache": {"brdf": "phong", "kd": kd, "ks": ks, "exponent": exponent}}
         if "cutoff" in more:
             material["alphaMode"], material["alphaCutoff"] = "MASK", more["cutoff"]
         elif alpha is not None:
@@ -273,10 +288,10 @@ class Scene:
         self.bin += data
         return self.append("bufferViews", view)
 
-    def accessor(self, rows, kind, bounds=False):
+    def accessor(self, rows, kind, bounds=False, target=34962):
         rows = [[f32(x) for x in row] for row in rows]
         data = b"".join(struct.pack(f"<{len(r)}f", *r) for r in rows)
-        accessor = {"bufferView": self.view(data, 34962), "componentType": 5126, "count": len(rows), "type": kind}
+        accessor = {"bufferView": self.view(data, target), "componentType": 5126, "count": len(rows), "type": kind}
         if bounds:
             accessor["min"], accessor["max"] = [min(c) for c in zip(*rows)], [max(c) for c in zip(*rows)]
         return self.append("accessors", accessor)
@@ -360,6 +375,28 @@ class Scene:
         perspective = {"yfov": f32(math.radians(yfov_degrees)), "aspectRatio": aspect, "znear": 0.01}
         camera = self.append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         self.doc["scenes"][0]["nodes"].append(self.append("nodes", {"name": name, "camera": camera, "matrix": matrix}))
+
+    def walk(self, views, seconds, yfov_degrees, name="camera"):
+        """A camera that goes from view to view, (eye, target) each, in so many seconds, turning evenly between them."""
+        places, turns = [], []
+        for eye, target in views:
+            back = unit(sub(eye, target))
+            right = unit(cross((0.0, 1.0, 0.0), back))
+            turn = quaternion(right, cross(back, right), back)
+            if turns and sum(a * b for a, b in zip(turn, turns[-1])) < 0.0:
+                turn = tuple(-x for x in turn)
+            places.append(eye)
+            turns.append(turn)
+        perspective = {"yfov": f32(math.radians(yfov_degrees)), "aspectRatio": f32(self.size[0] / self.size[1]), "znear": 0.01}
+        camera = self.append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
+        start = {"translation": [f32(x) for x in places[0]], "rotation": [f32(x) for x in turns[0]]}
+        node = self.append("nodes", {"name": name, "camera": camera, **start})
+        self.doc["scenes"][0]["nodes"].append(node)
+        times = self.accessor([(seconds * k / (len(views) - 1),) for k in range(len(views))], "SCALAR", bounds=True, target=None)
+        paths = (("translation", self.accessor(places, "VEC3", target=None)), ("rotation", self.accessor(turns, "VEC4", target=None)))
+        samplers = [{"input": times, "output": output} for _, output in paths]
+        channels = [{"sampler": k, "target": {"node": node, "path": path}} for k, (path, _) in enumerate(paths)]
+        self.append("animations", {"name": name, "samplers": samplers, "channels": channels})
 
     def write(self, folder):
         self.doc["buffers"] = [{"uri": f"{self.name}.bin", "byteLength": len(self.bin)}]

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from dim_rooms import slit_light, staircase_room
 from glossy_planes import two_glossy_planes
-from gltf import Random, Scene, Shape, box, disc, prism, revolve, room, rounded_box, sphere
+from gltf import Random, Scene, Shape, box, disc, phong, prism, revolve, room, rounded_box, sphere
+from glossy_scenes import glossy_scenes
 from ies_hall import ies_hall
 from indirect_room import indirect_room
 
@@ -35,7 +36,7 @@ def cornell_box(name, title, floor, notes, back=None):
     }
     material = {
         "floor": s.material("floor", color, rough, metal, specular, double=True),
-        "back wall": white if back is None else s.material("back wall", WHITE, phong=back, double=True),
+        "back wall": white if back is None else s.material("back wall", WHITE, native=phong(*back), double=True),
         "right wall": s.material("green", GREEN, specular=0.0, double=True),
         "left wall": s.material("red", RED, specular=0.0, double=True),
     }
@@ -485,6 +486,7 @@ def all_scenes():
     yield slit_light()
     yield ies_hall()
     yield two_glossy_planes()
+    yield from glossy_scenes()
 
 
 def main():

@@ -216,7 +216,7 @@ fn floor(direct: f32) -> Vec<(SurfacePoint, Appearance)> {
         .map(|_| {
             let position = Vec3::new(4.0 * rng.next_f32() - 2.0, 4.0 * rng.next_f32() - 2.0, 0.0);
             let at = SurfacePoint { position, ng: Vec3::Z, frame: Frame::from_normal(Vec3::Z), footprint: 0.005, ..template };
-            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), direct })
+            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), gloss: 0.0, direct })
         })
         .collect()
 }

@@ -2,6 +2,7 @@
 
 mod accel; // both back ends agree
 mod adaptive; // adaptive caching
+mod animations; // cameras that move
 mod architecture; // module order, citations, file sizes
 mod basis; // spherical and hemispherical harmonics
 mod bdpt; // bidirectional path tracing

@@ -6,21 +6,26 @@
 
 use super::fill::{FillStats, Filling};
 use super::locate::Locator;
+use super::outgoing::Outgoing;
+use super::radiance::{GlossyView, LobeCoefficients, Making, Radiance, RadiancePoints, Sources};
 use super::scheme::Weight;
 use super::{Cache, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
-use crate::math::{Color, luminance};
+use crate::math::Color;
 use crate::progress::Progress;
+use crate::sampling::hash;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// What decides how visible the indirect light is at a shading point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Appearance {
-    /// Radiance towards the viewer per irradiance of indirect light: ρ/π.
+    /// Radiance towards the viewer per irradiance of indirect light, by the diffuse lobe: ρ/π.
     pub reflectance: Color,
+    /// Luminance of the directional albedo of the glossy lobes, where records serve them.
+    pub gloss: f32,
     /// Luminance of all other light that leaves the point towards the viewer, as far as it is known.
     pub direct: f32,
 }
@@ -64,6 +69,9 @@ const EPSILON: f32 = 1e-4;
 struct View<'a> {
     points: &'a [SurfacePoint],
     appearance: &'a [Appearance],
+    outgoing: Outgoing<'a>,
+    /// Orders of the points' radiance records, if they have any.
+    orders: &'a [u8],
     reach: Reach,
     in_front: Option<f32>,
 }
@@ -121,7 +129,8 @@ impl Cache {
         let Some(filled) = self.levels.get_mut(usize::from(level)).and_then(Option::take) else {
             return Err(Error::InvalidArgument(format!("level {level} cannot be refined before it is filled")));
         };
-        let mut convergence = Convergence::new(self, probe, level, points, appearance, seed, filled.records().to_vec());
+        let filling = Filling::resume(self, probe, level, seed, filled.records().to_vec());
+        let mut convergence = Convergence::new(self, filling, (points, &[]), appearance, Outgoing::Diffuse);
         convergence.run(progress)?;
         let Filling { records, stats, .. } = convergence.filling;
         self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
@@ -129,20 +138,45 @@ impl Cache {
     }
 }
 
+impl Cache {
+    /// As [`Cache::converge`] of the first level, whose records hold `radiance`; returns that of the records that there are then.
+    pub(super) fn converge_radiance(
+        &mut self,
+        view: &GlossyView,
+        sources: &Sources,
+        (making, padding): (Making, bool),
+        radiance: Vec<Radiance>,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<(Vec<Radiance>, FillStats)> {
+        let GlossyView { points: RadiancePoints { points, orders }, appearance, lobes } = *view;
+        if points.points.len() != appearance.len() {
+            let (p, a) = (points.points.len(), appearance.len());
+            return Err(Error::InvalidArgument(format!("{p} shading points cannot have {a} appearances")));
+        }
+        let Some(filled) = self.levels[0].take() else { return Ok((radiance, FillStats::default())) };
+        let resumed = Filling::resume(self, sources.probe, 0, hash(&[seed, 3]), filled.records().to_vec());
+        let filling = resumed.with_radiance(sources.deeper, making, radiance);
+        let outgoing = Outgoing::Glossy { lobes, maker: making.maker, padding };
+        let mut convergence = Convergence::new(self, filling, (&points.points, orders), appearance, outgoing);
+        convergence.run(progress)?;
+        let Filling { records, radiance, stats, .. } = convergence.filling;
+        self.levels[0] = Some(Arc::new(self.finish(0, records)));
+        Ok((radiance, stats))
+    }
+}
+
 impl<'a> Convergence<'a> {
     fn new(
         cache: &'a Cache,
-        probe: &'a dyn RadianceProbe,
-        level: u8,
-        points: &'a [SurfacePoint],
+        filling: Filling<'a>,
+        (points, orders): (&'a [SurfacePoint], &'a [u8]),
         appearance: &'a [Appearance],
-        seed: u64,
-        records: Vec<Record>,
+        outgoing: Outgoing<'a>,
     ) -> Self {
         let scheme = &cache.scheme;
-        let filling = Filling::resume(cache, probe, level, seed, records);
         let mut convergence = Self {
-            view: View { points, appearance, reach: filling.reach, in_front: cache.in_front() },
+            view: View { points, appearance, outgoing, orders, reach: filling.reach, in_front: cache.in_front() },
             rule: Rule { weight: scheme.weight, contrast: scheme.contrast },
             locator: Locator::build(points),
             lists: vec![Vec::new(); points.len()],
@@ -217,7 +251,7 @@ impl<'a> Convergence<'a> {
             }
             let lengths: Vec<f32> = self.filling.records.iter().map(|r| r.length).collect();
             let chosen = self.filling.choose(self.view.points, &pending);
-            self.filling.make_records(self.view.points, &[], &chosen);
+            self.filling.make_records(self.view.points, self.view.orders, &chosen);
             chosen.iter().for_each(|&p| self.given[p as usize] = true);
             self.changes.resize(self.filling.records.len(), 0);
             for (id, &length) in lengths.iter().enumerate() {
@@ -237,10 +271,12 @@ impl<'a> Convergence<'a> {
         let records = &self.filling.records;
         let found: Vec<Vec<(u32, Contribution)>> = (first..records.len())
             .into_par_iter()
-            .map(|id| {
-                let (record, mut found) = (&records[id], Vec::new());
+            .map_init(LobeCoefficients::default, |scratch, id| {
+                let (record, radiance, mut found) = (&records[id], self.filling.radiance.get(id), Vec::new());
                 self.locator.within(record.position, area(&self.view.reach, record), |p| {
-                    found.extend(self.view.contribution(p as usize, id as u32, record, self.changes[id]).map(|c| (p, c)));
+                    let contribution =
+                        self.view.contribution(p as usize, id as u32, (record, radiance), self.changes[id], scratch);
+                    found.extend(contribution.map(|c| (p, c)));
                 });
                 found
             })
@@ -273,7 +309,6 @@ impl<'a> Convergence<'a> {
             return Vec::new();
         }
         let (reach, appearance) = (&self.view.reach, &self.view.appearance[p]);
-        let reflectance = luminance(appearance.reflectance);
         scratch.clear();
         for c in self.lists[p].iter().filter_map(|c| self.view.current(p, c, &self.filling.records, &self.changes)) {
             let record = &self.filling.records[c.record as usize];
@@ -282,7 +317,7 @@ impl<'a> Convergence<'a> {
                 record: c.record,
                 error: c.error,
                 luminance: c.luminance,
-                sigma: reflectance * record.sigma,
+                sigma: self.view.outgoing.sigma(appearance, record),
                 share,
                 floor,
                 weight: self.rule.weight(c.error, share),
@@ -345,18 +380,37 @@ fn area(reach: &Reach, record: &Record) -> f32 {
 }
 
 impl View<'_> {
-    /// What `record` contributes to point `p`, if it is valid there.
-    fn contribution(&self, p: usize, id: u32, record: &Record, changes: u32) -> Option<Contribution> {
-        let at = &self.points[p];
-        let error = record.error_at(&self.reach, at, self.in_front).filter(|e| *e < self.reach.share(record))?;
-        let radiance = self.appearance[p].reflectance * record.irradiance_at(&self.reach, at);
-        Some(Contribution { record: id, changes, error, luminance: luminance(radiance) })
+    /// The error of `record` at point `p`, if it is valid there.
+    fn error(&self, p: usize, record: &Record) -> Option<f32> {
+        record.error_at(&self.reach, &self.points[p], self.in_front).filter(|e| *e < self.reach.share(record))
+    }
+
+    /// What a record contributes to point `p`, if it is valid there.
+    fn contribution(
+        &self,
+        p: usize,
+        id: u32,
+        (record, radiance): (&Record, Option<&Radiance>),
+        changes: u32,
+        scratch: &mut LobeCoefficients,
+    ) -> Option<Contribution> {
+        let error = self.error(p, record)?;
+        let (at, appearance) = (&self.points[p], &self.appearance[p]);
+        let luminance = self.outgoing.luminance((p, at), appearance, &self.reach, (record, radiance), scratch)?;
+        Some(Contribution { record: id, changes, error, luminance })
     }
 
     /// The contribution `c` to point `p` as the records are now.
     fn current(&self, p: usize, c: &Contribution, records: &[Record], changes: &[u32]) -> Option<Contribution> {
         let now = changes[c.record as usize];
-        if now == c.changes { Some(*c) } else { self.contribution(p, c.record, &records[c.record as usize], now) }
+        if now == c.changes {
+            return Some(*c);
+        }
+        let record = &records[c.record as usize];
+        if self.outgoing.is_costly() {
+            return Some(Contribution { changes: now, error: self.error(p, record)?, ..*c });
+        }
+        self.contribution(p, c.record, (record, None), now, &mut LobeCoefficients::default())
     }
 }
 

@@ -101,7 +101,7 @@ pub(super) struct Filling<'a> {
     shading_reach: Reach,
     pub records: Vec<Record>,
     /// Their radiance, if they have any.
-    radiance: Vec<Radiance>,
+    pub radiance: Vec<Radiance>,
     /// Where the last of the records were gathered, as many as were made here, and the order of the radiance there.
     origins: Vec<(SurfacePoint, u8)>,
     /// The first `indexed` records as they stood when there were that many.
@@ -153,21 +153,30 @@ impl Cache {
         Ok((self.finish(level, records), stats))
     }
 
-    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; returns that, by the ids of the records. Indirect light at the hits comes from `deeper`.
+    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Indirect light at the hits comes from
+    /// `deeper`.
     pub(super) fn fill_radiance(
         &mut self,
         probe: &dyn RadianceProbe,
         points: &RadiancePoints,
         deeper: &Cache,
         making: Making,
+        radiance: &mut Vec<Radiance>,
         seed: u64,
         progress: &Progress,
-    ) -> Result<(Vec<Radiance>, FillStats)> {
-        let mut filling = Filling { deeper, making: Some(making), ..Filling::new(self, probe, 0, hash(&[seed, 3]), Vec::new()) };
-        filling.run(&points.points, &points.orders, progress)?;
-        let Filling { records, radiance, stats, .. } = filling;
+    ) -> Result<FillStats> {
+        let before = self.level(0).map_or_else(Vec::new, |l| l.records().to_vec());
+        let made = std::mem::take(radiance);
+        let mut filling = Filling::new(self, probe, 0, hash(&[seed, 3]), before).with_radiance(deeper, making, made);
+        let outcome = filling.run(&points.points, &points.orders, progress);
+        let Filling { records, radiance: made, stats, .. } = filling;
+        *radiance = made;
+        if let Err(error) = outcome {
+            radiance.truncate(self.level(0).map_or(0, |l| l.records().len()));
+            return Err(error);
+        }
         self.levels[0] = Some(Arc::new(self.finish(0, records)));
-        Ok((radiance, stats))
+        Ok(stats)
     }
 
     /// The finished level of `records`: their index with the reach that shading uses.
@@ -215,6 +224,11 @@ impl<'a> Filling<'a> {
         let mut filling = Self::new(cache, probe, level, seed, records);
         filling.survey(true);
         filling
+    }
+
+    /// Makes radiance records, beside `radiance`, that of the records that there are.
+    pub fn with_radiance(self, deeper: &'a dyn Deeper, making: Making<'a>, radiance: Vec<Radiance>) -> Self {
+        Self { deeper, making: Some(making), radiance, ..self }
     }
 
     /// What new records will be told of those that are there.

@@ -86,6 +86,9 @@ fn ward88() -> Scheme {
         radiance_density: Density::Cosine,
         radiance_rays: 1.0,
         radiance_error: 1.0,
+        radiance_share: 0.0,
+        radiance_break_even: 0.0,
+        radiance_curved_order: 20,
         radiance_padding: false,
         radiance_frame: RadianceFrame::World,
         radiance_storage: Storage::F32,
@@ -212,6 +215,7 @@ fn zhao_view() -> Scheme {
 
 fn krivanek06() -> Scheme {
     Scheme {
+        rays: 1024,
         // The published scenes start at 0.35 to 0.6 and end at 0.05.
         error: 0.5,
         error_min: 0.05,
@@ -220,7 +224,7 @@ fn krivanek06() -> Scheme {
         // Nothing refines the deeper level: its records are allowed less from the start.
         deeper_error: 0.6,
         levels: 2,
-        ..ward_heckbert92()
+        ..krivanek05()
     }
 }
 
@@ -281,6 +285,13 @@ fn auto() -> Scheme {
         // A deeper level that is as careful as the first keeps the mean within 0.2 % on the Cornell box; 1.5 times the error, as elsewhere, costs 0.6 %.
         deeper_error: 1.0,
         levels: 2,
+        radiance_order: 14,
+        radiance_loss: 0.1,
+        radiance_density: Density::Uniform,
+        radiance_error: 0.5,
+        radiance_share: 0.2,
+        radiance_break_even: 128.0,
+        radiance_curved_order: 4,
         ..ward_heckbert92()
     }
 }

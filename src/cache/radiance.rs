@@ -5,7 +5,7 @@
 
 use super::radiance_payload::{HitStorage, Payload};
 use super::radiance_placement::{RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape};
-use super::{Cache, Extrapolation, FillStats, Index, LevelPoints, RadianceFrame, Reach, Record, Scheme};
+use super::{Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach, Record, Scheme};
 use crate::basis::{Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
 use crate::error::Result;
 use crate::gather::{Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe, StoredHit};
@@ -38,6 +38,8 @@ pub(super) struct Maker {
     /// The bases of orders 1, 2, ...
     bases: Vec<Box<dyn Basis>>,
     rotation: OnceLock<Rotation>,
+    /// Coefficients of the cosine over the hemisphere.
+    cosine: Vec<f32>,
 }
 
 /// A maker with the surfaces that it makes records for, as far as the scheme has them count.
@@ -79,6 +81,28 @@ pub struct RadianceAnswer {
     pub records: u32,
 }
 
+/// Glossy shading points as adaptive caching sees them.
+#[derive(Clone, Copy)]
+pub struct GlossyView<'a> {
+    /// The points, with the orders of their records.
+    pub points: &'a RadiancePoints,
+    /// How they look.
+    pub appearance: &'a [Appearance],
+    /// Their lobes.
+    pub lobes: &'a Lobes<'a>,
+}
+
+/// Where gathers find light.
+#[derive(Clone, Copy)]
+pub struct Sources<'a> {
+    /// What traces them.
+    pub probe: &'a dyn RadianceProbe,
+    /// What knows the indirect light at their hits.
+    pub deeper: &'a Cache,
+    /// What knows how surfaces reflect: see [`RadianceCache::fill`].
+    pub reflector: Option<&'a dyn Reflector>,
+}
+
 /// General rotations of the basis in use.
 enum Rotation {
     Hsh(Tilt),
@@ -92,8 +116,6 @@ pub struct RadianceCache {
     records: Vec<Radiance>,
     /// For each record the factor on its gradient: see [`super::Reach::radius`].
     gradient_scales: Vec<f32>,
-    /// Coefficients of the cosine over the hemisphere.
-    cosine: Vec<f32>,
     padding: bool,
 }
 
@@ -107,23 +129,19 @@ impl RadianceCache {
     /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`.
     pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
         let order = usize::from(scheme.radiance_order);
-        let maker = Maker {
-            scheme: scheme.for_radiance(),
-            scene_size,
-            bases: (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect(),
-            rotation: OnceLock::new(),
-        };
-        let cosine = cosine(maker.bases[order - 1].as_ref());
+        let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
+        let cosine = cosine(bases[order - 1].as_ref());
+        let maker = Maker { scheme: scheme.for_radiance(), scene_size, bases, rotation: OnceLock::new(), cosine };
         let padding = scheme.radiance_padding;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
-        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), cosine, padding }
+        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), padding }
     }
 
-    /// Makes records until every point is covered; gathers take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect, for schemes that place records by outgoing radiance. As [`Cache::fill`], of which
-    /// it is a kind.
+    /// Makes records until every point is covered, beside those that there are already; gathers take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect, for schemes that place
+    /// records by outgoing radiance. As [`Cache::fill`], of which it is a kind.
     ///
     /// # Errors
-    /// [`crate::error::Error::Cancelled`]; the cache stays empty then.
+    /// [`crate::error::Error::Cancelled`]; the cache stays as it was then.
     pub fn fill(
         &mut self,
         probe: &dyn RadianceProbe,
@@ -134,17 +152,9 @@ impl RadianceCache {
         progress: &Progress,
     ) -> Result<FillStats> {
         let making = Making { maker: &self.maker, reflector };
-        let (records, stats) = self.cache.fill_radiance(probe, points, deeper, making, seed, progress)?;
-        self.records = records;
-        self.measure();
+        let stats = self.cache.fill_radiance(probe, points, deeper, making, &mut self.records, seed, progress)?;
+        self.rescale();
         Ok(stats)
-    }
-
-    /// Notes by how much gradients shrink where radii were raised.
-    fn measure(&mut self) {
-        let reach = self.cache.shading_reach(0);
-        let level = self.cache.level(0).map_or(&[][..], |l| l.records());
-        self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
     }
 
     /// Gives all records the areas that another viewer needs, `towards` being the direction to it from a position, where the scheme places records by what the viewer sees; else nothing changes. Fences and orders stay as they are.
@@ -160,7 +170,29 @@ impl RadianceCache {
             making.place(record, radiance, &reach);
         });
         self.cache.replace(0, placed);
-        self.measure();
+        self.rescale();
+    }
+
+    /// Refines the filled cache until it has fully converged with respect to `points` [Krivanek06, Algorithm 1]: as [`Cache::converge`], but records are compared by the radiance that leaves the points by all
+    /// their lobes. So their density follows the sharpness of the lobes and the direction of view.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Cancelled`], and the cache is empty then; [`crate::error::Error::InvalidArgument`] if `points` and `appearance` are not of one length.
+    pub fn converge(&mut self, view: &GlossyView, sources: &Sources, seed: u64, progress: &Progress) -> Result<FillStats> {
+        let records = std::mem::take(&mut self.records);
+        let making = Making { maker: &self.maker, reflector: sources.reflector };
+        let outcome = self.cache.converge_radiance(view, sources, (making, self.padding), records, seed, progress);
+        let (records, stats) = outcome?;
+        self.records = records;
+        self.rescale();
+        Ok(stats)
+    }
+
+    /// Notes the factors on the gradients of the records as they are now.
+    fn rescale(&mut self) {
+        let reach = self.cache.shading_reach(0);
+        let level = self.cache.level(0).map_or(&[][..], |l| l.records());
+        self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
     }
 
     /// The irradiance part of the records, by their ids.
@@ -190,35 +222,14 @@ impl RadianceCache {
     pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
         let index: &Index = self.cache.level(0)?.index();
         let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
-        let (spherical, world) = (self.maker.is_spherical(), self.maker.is_in_world());
-        let most = self.maker.vectors_used();
-        if world {
-            lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
-        }
+        self.maker.prepare(at, lobe);
         index.visit(at, limit, |valid| {
             let record = &self.records[valid.id as usize];
             if record.order < lobe.order && !self.padding {
                 return;
             }
             let offset = valid.offset * self.gradient_scales[valid.id as usize];
-            let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
-            let radiance = if world {
-                record.product(offset, lobe.rotated().0, most)
-            } else if same {
-                record.product(offset, runs(&lobe.values), most)
-            } else if spherical {
-                let turn = Turn::between(&at.frame, &record.frame);
-                lobe.rotate(&self.cosine, 0, |c| self.maker.rotation().rotate(c, turn));
-                record.product(offset, lobe.rotated().0, most)
-            } else {
-                let turn = Turn::between(&at.frame, &record.frame);
-                lobe.rotate(&self.cosine, SPILL, |c| self.maker.rotation().rotate(c, turn));
-                let (lobe, cosine) = lobe.rotated();
-                let tilted = luminance(record.product(offset, [cosine; 3], most));
-                let correction = luminance(valid.irradiance) / tilted.max(1e-20);
-                record.product(offset, lobe, most) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
-            };
-            glossy += valid.weight * radiance.max(Color::ZERO);
+            glossy += valid.weight * self.maker.leaving(record, at, offset, valid.irradiance, lobe);
             irradiance += valid.weight * valid.irradiance;
             weights += valid.weight;
             errors += valid.weight * valid.error;
@@ -294,6 +305,11 @@ impl Radiance {
     /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`, by no more vectors than `most`.
     fn product(&self, offset: Vec3, c: [&[f32]; 3], most: usize) -> Color {
         self.payload.product(Vec2::new(offset.dot(self.frame.s), offset.dot(self.frame.t)), c, most)
+    }
+
+    /// Number of bands.
+    pub fn order(&self) -> usize {
+        self.order
     }
 }
 
@@ -406,6 +422,44 @@ impl Maker {
             let count = vector.len() / 3;
             vector.chunks_exact_mut(count).for_each(|c| self.rotation().rotate(c, turn));
         }
+    }
+
+    /// Makes a lobe ready for the records around `at`, if those are all kept in the world's frame.
+    pub fn prepare(&self, at: &SurfacePoint, lobe: &mut LobeCoefficients) {
+        if self.is_in_world() {
+            lobe.rotate(&self.cosine, 0, |c| self.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
+        }
+    }
+
+    /// Radiance that leaves `at` by `lobe`, which is prepared, if `record` alone is asked: `max(0, c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y))`. `offset` leads from the record to the point and is
+    /// what the gradient is multiplied with; `irradiance` is what the record's irradiance predicts at the point.
+    pub fn leaving(
+        &self,
+        record: &Radiance,
+        at: &SurfacePoint,
+        offset: Vec3,
+        irradiance: Color,
+        lobe: &mut LobeCoefficients,
+    ) -> Color {
+        let most = self.vectors_used();
+        let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
+        let radiance = if self.is_in_world() {
+            record.product(offset, lobe.rotated().0, most)
+        } else if same {
+            record.product(offset, runs(&lobe.values), most)
+        } else if self.is_spherical() {
+            let turn = Turn::between(&at.frame, &record.frame);
+            lobe.rotate(&self.cosine, 0, |c| self.rotation().rotate(c, turn));
+            record.product(offset, lobe.rotated().0, most)
+        } else {
+            let turn = Turn::between(&at.frame, &record.frame);
+            lobe.rotate(&self.cosine, SPILL, |c| self.rotation().rotate(c, turn));
+            let (lobe, cosine) = lobe.rotated();
+            let tilted = luminance(record.product(offset, [cosine; 3], most));
+            let correction = luminance(irradiance) / tilted.max(1e-20);
+            record.product(offset, lobe, most) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
+        };
+        radiance.max(Color::ZERO)
     }
 
     /// Made when the first rotation is asked for: flat surfaces need none.

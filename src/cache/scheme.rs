@@ -258,6 +258,12 @@ pub struct Scheme {
     pub radiance_rays: f32,
     /// Factor on `error` for radiance records.
     pub radiance_error: f32,
+    /// Glossy lobes beside a diffuse one are served by records where they are at least this share of the albedo; fainter ones are followed by paths.
+    pub radiance_share: f32,
+    /// Records serve a material only if they take the place of at least as many paths as this many of them have rays.
+    pub radiance_break_even: f32,
+    /// Highest order of lobes that records serve where the surface is curved.
+    pub radiance_curved_order: u8,
     /// Radiance records have the order that the point where they were made needs, and count as zero beyond it [Krivanek05]; otherwise the order that their surface needs at most, and no
     /// record of a lower order than the lobe's is used.
     pub radiance_padding: bool,
@@ -458,6 +464,12 @@ impl Scheme {
             if !(positive(value) && value <= 100.0) {
                 return fail(&format!("setting `{name}` must be above 0 and at most 100"));
             }
+        }
+        if !not_negative(self.radiance_break_even) {
+            return fail("setting `radiance_break_even` must not be negative");
+        }
+        if !(0.0..=1.0).contains(&self.radiance_share) {
+            return fail("setting `radiance_share` must be from 0 to 1");
         }
         let radiance = self.radiance_order > 0;
         if radiance && self.radiance_gradient == RadianceGradient::Boundary && self.strata != Strata::Polar {

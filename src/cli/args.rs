@@ -1,5 +1,6 @@
 //! The arguments.
 
+use super::sequence::Frames;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lumicache::accel::Backend;
 use std::path::PathBuf;
@@ -236,6 +237,12 @@ pub struct Render {
     /// The camera, by name or number.
     #[arg(long, value_name = "NAME|INDEX")]
     pub camera: Option<String>,
+    /// Render these frames of the camera's animation, both ends included; all read the same records. Files are numbered: NAME.0001.exr, or where %04d stands.
+    #[arg(long, value_name = "A..B")]
+    pub frames: Option<Frames>,
+    /// Frames per second: frame K shows second K/FPS of the animation.
+    #[arg(long, value_name = "FPS", default_value_t = 24.0, value_parser = positive)]
+    pub fps: f64,
     /// Render only this window, in pixels; ends are excluded.
     #[arg(long, value_name = "x0,y0,x1,y1")]
     pub crop: Option<String>,
@@ -291,4 +298,8 @@ pub struct Render {
     /// No progress and no warnings.
     #[arg(long)]
     pub quiet: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0).ok_or_else(|| "expected a number above 0".into())
 }

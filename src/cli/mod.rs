@@ -4,6 +4,7 @@ mod args;
 mod cache;
 mod render;
 mod report;
+mod sequence;
 mod show;
 mod terminal;
 

@@ -1,22 +1,24 @@
 //! `lumicache render`.
 
-use super::Outcome;
 use super::args::{IntegratorName, LightUnitsName, Render};
 use super::terminal::{Bar, cancel_on_interrupt};
+use super::{Outcome, sequence};
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, CacheFile, Origin, Preset, Scheme};
-use lumicache::camera::Camera;
+use lumicache::camera::{Camera, Motion};
 use lumicache::error::{Error, Result};
+use lumicache::film::Film;
 use lumicache::fsutil;
 use lumicache::geometry::Aabb;
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::{
-    self, Clock, Facts, IntegratorKind, Selection, Settings,
+    self, Clock, Facts, Frame, IntegratorKind, Selection, Settings,
     display::{Display, Tile},
 };
 use lumicache::scene::Scene;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -34,8 +36,13 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     let sky = sky.map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale)).transpose()?;
     let backend: Backend = arguments.backend.parse()?;
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-    let outputs = [Some(&output), arguments.preview.as_ref(), arguments.stats.as_ref(), arguments.cache_save.as_ref()];
-    outputs.into_iter().flatten().try_for_each(|path| fsutil::check_writable(path))?;
+    let numbered = |path: &PathBuf| match &arguments.frames {
+        Some(frames) => sequence::numbered(path, frames.first),
+        None => Ok(path.clone()),
+    };
+    let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten().map(numbered);
+    let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned().map(Ok);
+    pictures.chain(others).try_for_each(|path: Result<PathBuf>| fsutil::check_writable(&path?))?;
     if matches!(arguments.integrator, IntegratorName::Path)
         && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
     {
@@ -69,6 +76,20 @@ struct Inputs {
     backend: Backend,
 }
 
+/// A run under way: what all its frames have in common.
+pub struct Job<'a> {
+    pub arguments: &'a Render,
+    pub scene: Scene,
+    pub settings: Settings,
+    /// How the camera moves, if it does.
+    pub motion: Option<Motion>,
+    pub selection: &'a Selection,
+    pub progress: &'a Progress,
+    pub warnings: Vec<String>,
+    scene_hash: String,
+    origin: Origin,
+}
+
 /// The run itself; returns whether it was cancelled, and the warnings.
 fn job(
     arguments: &Render,
@@ -78,6 +99,23 @@ fn job(
     progress: &Progress,
     clock: &mut Clock,
 ) -> Result<(bool, Vec<String>)> {
+    let mut job = load(arguments, inputs, selection, progress, clock)?;
+    let before = loaded(arguments, &job.settings.scheme, &job.origin)?;
+    let cancelled = match &arguments.frames {
+        Some(frames) => sequence::run(&mut job, frames, before, output, clock)?,
+        None => single(&mut job, before, output, clock)?,
+    };
+    Ok((cancelled, job.warnings))
+}
+
+/// Reads the scene and builds it.
+fn load<'a>(
+    arguments: &'a Render,
+    inputs: Inputs,
+    selection: &'a Selection,
+    progress: &'a Progress,
+    clock: &mut Clock,
+) -> Result<Job<'a>> {
     clock.start(Phase::Load);
     progress.start(Phase::Load, 0);
     let Inputs { scheme, options, sky, backend } = inputs;
@@ -92,55 +130,92 @@ fn job(
     for material in &mut data.materials {
         material.multiple_scattering = arguments.multiple_scattering;
     }
+    let number = camera_number(&data.cameras, arguments.camera.as_deref(), &arguments.scene)?;
+    let motion = number.and_then(|i| data.motions.get_mut(i)?.take());
     let (scene_hash, hashes) = (data.hash(), data.hashes());
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
-    let (scene, mut warnings) = Scene::new(data, backend)?;
+    let (scene, warnings) = Scene::new(data, backend)?;
     let camera = camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let settings = settings(arguments, scheme, camera)?;
-
-    let mut display = match &arguments.display_server {
-        Some(address) => {
-            let [x0, y0, x1, y1] = settings.window;
-            Some(Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"])?)
-        }
-        None => None,
-    };
-    let mut lost = None;
     let origin = Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size());
-    let before = loaded(arguments, &settings.scheme, &origin)?;
-    let frame = render::frame_with(&scene, &settings, before, progress, clock, &mut |[x0, y0, x1, y1], film| {
-        if let Some(display) = &mut display {
-            let data: Vec<f32> = film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
-            let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
-            lost = lost.take().or(display.update(tile, &data));
-        }
-    })?;
-    warnings.extend(lost);
+    Ok(Job { arguments, scene, settings, motion, selection, progress, warnings, scene_hash, origin })
+}
 
+/// Renders one picture; true if it was cancelled.
+fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock) -> Result<bool> {
+    let arguments = job.arguments;
+    let mut viewer = Viewer::connect(arguments, output, job.settings.window)?;
+    let frame = render::frame_with(&job.scene, &job.settings, before, job.progress, clock, &mut |area, film| {
+        viewer.show(area, film);
+    })?;
+    job.warnings.extend(viewer.lost);
     clock.start(Phase::Write);
-    progress.start(Phase::Write, 0);
-    let facts = Facts {
-        seconds: clock.total_seconds(),
-        scene_hash,
-        backend: scene.accel().version(),
-        show_records: arguments.show_records,
-    };
-    if !arguments.prepass_only {
-        render::write_exr(output, &frame, &settings, selection, &facts)?;
-        if let Some(preview) = &arguments.preview {
-            render::write_preview(preview, &frame, &settings, arguments.exposure, arguments.show_records)?;
-        }
-    }
-    if let (Some(path), Some(cache), false) = (&arguments.cache_save, &frame.cache, frame.cancelled) {
-        CacheFile::new(cache, origin).write(path)?;
-    }
+    job.progress.start(Phase::Write, 0);
+    job.write(&frame, &job.settings, output, arguments.preview.as_deref(), clock)?;
+    job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
     clock.stop();
     if let Some(path) = &arguments.stats {
-        let stats = render::stats(&scene, &settings, &frame, clock, rayon::current_num_threads());
-        fsutil::write_atomically(path, format!("{stats:#}\n").as_bytes())?;
+        write_stats(path, &render::stats(&job.scene, &job.settings, &frame, clock, rayon::current_num_threads()))?;
     }
-    Ok((frame.cancelled, warnings))
+    Ok(frame.cancelled)
+}
+
+pub fn write_stats(path: &Path, stats: &Value) -> Result<()> {
+    fsutil::write_atomically(path, format!("{stats:#}\n").as_bytes())
+}
+
+impl Job<'_> {
+    /// Writes the picture of a frame, and its preview.
+    pub fn write(&self, frame: &Frame, settings: &Settings, output: &Path, preview: Option<&Path>, clock: &Clock) -> Result<()> {
+        let arguments = self.arguments;
+        if arguments.prepass_only {
+            return Ok(());
+        }
+        let facts = Facts {
+            seconds: clock.total_seconds(),
+            scene_hash: self.scene_hash.clone(),
+            backend: self.scene.accel().version(),
+            show_records: arguments.show_records,
+        };
+        render::write_exr(output, frame, settings, self.selection, &facts)?;
+        if let Some(preview) = preview {
+            render::write_preview(preview, frame, settings, arguments.exposure, arguments.show_records)?;
+        }
+        Ok(())
+    }
+
+    /// Saves the records, if the user wants them and there are any.
+    pub fn save(&self, cache: Option<&Cache>) -> Result<()> {
+        match (&self.arguments.cache_save, cache) {
+            (Some(path), Some(cache)) => CacheFile::new(cache, self.origin.clone()).write(path),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Shows finished tiles in a tev viewer, if there is one.
+pub struct Viewer {
+    display: Option<Display>,
+    /// What to tell the user if the viewer went away.
+    pub lost: Option<String>,
+}
+
+impl Viewer {
+    /// Connects to the viewer that the arguments name, if they name one.
+    pub fn connect(arguments: &Render, output: &Path, [x0, y0, x1, y1]: [u32; 4]) -> Result<Self> {
+        let connect = |address: &String| Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"]);
+        Ok(Self { display: arguments.display_server.as_ref().map(connect).transpose()?, lost: None })
+    }
+
+    /// Shows an area of the film.
+    pub fn show(&mut self, [x0, y0, x1, y1]: [u32; 4], film: &Film) {
+        if let Some(display) = &mut self.display {
+            let data: Vec<f32> = film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
+            let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
+            self.lost = self.lost.take().or(display.update(tile, &data));
+        }
+    }
 }
 
 /// The cache of the files that the user wants to begin with, if any.
@@ -206,12 +281,16 @@ fn scheme(arguments: &Render) -> Result<Scheme> {
 
 /// The camera called `wanted`, or with that number; the first without one, and one that frames the scene where the file has none.
 pub fn camera(cameras: &[Camera], bounds: &Aabb, wanted: Option<&str>, file: &Path) -> Result<Camera> {
-    let Some(wanted) = wanted else {
-        return Ok(cameras.first().cloned().unwrap_or_else(|| import::default_camera(bounds)));
-    };
-    let by_name = cameras.iter().find(|c| c.name == wanted);
-    let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
-    by_name.or_else(by_number).cloned().ok_or_else(|| {
+    let number = camera_number(cameras, wanted, file)?;
+    Ok(number.map_or_else(|| import::default_camera(bounds), |i| cameras[i].clone()))
+}
+
+/// The number of the camera that [`camera`] takes, if the file has it.
+fn camera_number(cameras: &[Camera], wanted: Option<&str>, file: &Path) -> Result<Option<usize>> {
+    let Some(wanted) = wanted else { return Ok((!cameras.is_empty()).then_some(0)) };
+    let by_name = cameras.iter().position(|c| c.name == wanted);
+    let by_number = || wanted.parse::<usize>().ok().filter(|i| *i < cameras.len());
+    by_name.or_else(by_number).map(Some).ok_or_else(|| {
         let names: Vec<_> = cameras.iter().enumerate().map(|(i, c)| format!("{i} `{}`", c.name)).collect();
         let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         Error::InvalidArgument(format!("{}: there is no camera `{wanted}`; the cameras are {known}", file.display()))

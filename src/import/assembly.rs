@@ -11,13 +11,14 @@ use super::nodes::{Graph, Instancing, Node};
 use super::primitives::{self, Mesh, Primitive, Recipe};
 use super::shading;
 use super::skins::{self, Skin};
+use crate::camera::Motion;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::material::{Material, NativeBrdf};
 use crate::math::{Affine3A, Vec2, Vec3};
 use crate::scene::SceneData;
 use crate::texture::TextureRef;
 use glam::{DAffine3, DQuat, DVec3};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 const OFFSETS: Format = Format { shapes: &[Shape::Vec3], components: &[(Component::F32, None)] };
@@ -33,6 +34,8 @@ pub(super) struct Parts<'p, 'a> {
     pub meshes: &'p [Mesh],
     pub skins: &'p [Skin],
     pub cameras: &'p [Option<CameraKind>],
+    /// By the nodes that carry a camera.
+    pub motions: &'p BTreeMap<usize, Motion>,
     pub lights: &'p [Option<Light>],
     /// One for each node.
     pub luminaires: &'p [Option<Luminaire>],
@@ -74,7 +77,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             if let Some((index, kind)) = node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?))) {
                 let fallback = if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
                 match kind.placed(&node.to_world, fallback) {
-                    Some(camera) => cameras.push((index, camera)),
+                    Some(camera) => cameras.push((index, camera, self.parts.motions.get(&i).cloned())),
                     None => self.scene.warnings.push(format!("{}: its camera has no direction and is left out", node.path)),
                 }
             }
@@ -87,8 +90,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 }
             }
         }
-        cameras.sort_by_key(|(index, _)| *index);
-        self.scene.cameras = cameras.into_iter().map(|(_, camera)| camera).collect();
+        cameras.sort_by_key(|(index, ..)| *index);
+        (self.scene.cameras, self.scene.motions) = cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
         if self.singular > 0 {
             let what = format!("{} instances are left out because their scale or their transform is singular", self.singular);
             self.scene.warnings.push(what);

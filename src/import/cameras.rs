@@ -1,10 +1,10 @@
 //! Cameras of the document, and the one for a document without.
 
 use super::json::{Json, Parsed, quote};
-use crate::camera::{Camera, Projection};
+use crate::camera::{Camera, Projection, without_scale};
 use crate::geometry::Aabb;
 use crate::math::{Affine3A, Mat3, Vec3};
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use std::f64::consts::PI;
 
 /// A camera as the document describes it, still without a place.
@@ -83,15 +83,11 @@ fn orthographic(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Proje
 impl CameraKind {
     /// The camera on a node, `None` where the node's transform leaves it no direction to look in.
     pub fn placed(&self, to_world: &DAffine3, fallback_name: &str) -> Option<Camera> {
-        // The view axis and the up axis keep their directions; scale, shear and mirroring go.
-        let back = to_world.transform_vector3(DVec3::Z).try_normalize()?;
-        let right = to_world.transform_vector3(DVec3::Y).cross(back).try_normalize()?;
-        let rotation = Mat3::from_cols(right.as_vec3(), back.cross(right).as_vec3(), back.as_vec3());
         Some(Camera {
             name: self.name.clone().unwrap_or_else(|| fallback_name.to_owned()),
             projection: self.projection,
             aspect: self.aspect,
-            to_world: Affine3A::from_mat3_translation(rotation, to_world.translation.as_vec3()),
+            to_world: without_scale(to_world)?,
         })
     }
 }
@@ -128,6 +124,7 @@ pub fn default_camera(bounds: &Aabb) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn the_default_camera_sees_the_whole_box() {

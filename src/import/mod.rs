@@ -7,7 +7,7 @@
 //! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression (and KHR_meshopt_compression) and EXT_texture_webp. A file that requires
 //! any other extension is refused; where it only uses one, the specification promises a sensible scene without.
 //!
-//! Skinned meshes stand in their rest pose, morph targets have their default weights. Points and lines are left out with a warning, and so
+//! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations only those that move cameras are read. Points and lines are left out with a warning, and so
 //! are triangles without area and instances whose transform is singular. Meshes that several nodes show are stored once.
 //!
 //! # How strict it is
@@ -58,6 +58,7 @@
 
 mod accessor_data;
 mod accessors;
+mod animations;
 mod assembly;
 mod asset;
 mod budget;
@@ -141,7 +142,7 @@ pub struct ImportOptions {
 
 /// Reads the glTF 2.0 file at `path`.
 ///
-/// Skinned meshes stand in their rest pose, morph targets have their default weights; animations are not read.
+/// Skinned meshes stand in their rest pose, morph targets have their default weights; animations move cameras alone.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Scene`] with the JSON path of the place where it, or a file that it refers to, is broken, and
@@ -190,6 +191,7 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
         lights: lights.len(),
     };
     let graph = Graph::parse(&root, &counts, warnings)?;
+    let motions = animations::motions(&root, &accessors, &graph, &mut budget, warnings)?;
     let roots = nodes::scene_roots(&root, &graph, options.scene.as_ref(), warnings)?;
 
     scene.textures = textures.build();
@@ -199,6 +201,7 @@ fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneDat
         meshes: &meshes,
         skins: &skins,
         cameras: &cameras,
+        motions: &motions,
         lights: &lights,
         luminaires: &luminaires,
     };

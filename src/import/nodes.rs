@@ -97,6 +97,13 @@ impl Graph {
         self.nodes[node].parent.is_none()
     }
 
+    /// The node and those above it, root first.
+    pub fn line(&self, node: usize) -> Vec<usize> {
+        let mut line: Vec<usize> = std::iter::successors(Some(node), |&i| self.nodes[i].parent).collect();
+        line.reverse();
+        line
+    }
+
     /// Every node without parent.
     pub fn roots(&self) -> Vec<usize> {
         (0..self.nodes.len()).filter(|i| self.is_root(*i)).collect()
@@ -152,7 +159,7 @@ fn node(json: &Json, nodes: usize, counts: &Counts) -> Parsed<Node> {
     })
 }
 
-fn local_transform(json: &Json, warnings: &mut Vec<String>) -> Parsed<DAffine3> {
+pub(super) fn local_transform(json: &Json, warnings: &mut Vec<String>) -> Parsed<DAffine3> {
     let (translation, scale) = (json.numbers::<3>("translation")?, json.numbers::<3>("scale")?);
     let rotation = json.numbers::<4>("rotation")?;
     if let Some(matrix) = json.numbers::<16>("matrix")? {

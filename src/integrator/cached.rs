@@ -2,25 +2,15 @@
 
 use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
-use super::{CameraSample, Shaded, Status, Surface};
+use super::{CameraSample, Gloss, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::{Cache, HitStorage, LobeCoefficients, RadianceCache};
+use crate::cache::{Cache, HitStorage, LobeCoefficients};
 use crate::gather::Deeper;
 use crate::material::Lobe;
-use crate::material::tables::GlossyTables;
 use crate::math::{Color, INV_PI};
 use crate::sampling::Sampler;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
-
-/// What serves the glossy lobes of low frequency.
-#[derive(Clone, Copy)]
-pub struct Gloss<'a> {
-    /// Those lobes in harmonics.
-    pub tables: &'a GlossyTables,
-    /// Records of the light that reaches them.
-    pub records: &'a RadianceCache,
-}
 
 /// Shades camera samples by a filled cache.
 pub struct CachedIntegrator<'a> {
@@ -245,9 +235,8 @@ impl<'a> CachedIntegrator<'a> {
         }
         out.gloss = Status::Traced;
         let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
-        let wo = v.point.frame.to_local(v.point.wo);
         let answer = if gloss.records.hit_storage() == HitStorage::None {
-            lobe.order = gloss.tables.project(v.point.material, &v.bsdf, wo, &mut lobe.values)?;
+            lobe.order = gloss.service.project(&v.point, &v.bsdf, &mut lobe.values)?;
             gloss.records.lookup(&v.point, limit, lobe)
         } else {
             self.tracer.from_hits(v, limit, gloss, self.cache)
@@ -266,7 +255,7 @@ impl<'a> CachedIntegrator<'a> {
                 out.status = Status::Cached;
             }
         }
-        let diffuse = v.bsdf.diffuse_albedo(wo) * answer.irradiance * INV_PI;
+        let diffuse = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * answer.irradiance * INV_PI;
         Some(Reflected { diffuse, glossy: answer.glossy })
     }
 

@@ -9,13 +9,16 @@ mod path;
 mod points;
 mod probe;
 mod reflector;
+mod service;
 mod stored_hits;
 
 pub use bdpt::{Bidirectional, Splat};
-pub use cached::{CachedIntegrator, Gloss};
+pub use cached::CachedIntegrator;
 pub use path::{Origin, PathTracer, Start};
+pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
+pub use service::{Gloss, Service};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};

@@ -1,15 +1,16 @@
 //! Where records are needed: the surface points that the camera sees, and those that light reaches them from.
 
+use super::Service;
 use super::path::reflected;
 use super::path::{PathTracer, Sampled, Vertex};
 use crate::accel::Ray;
 use crate::cache::Appearance;
-use crate::camera::CameraRay;
+use crate::camera::{Camera, CameraRay};
 use crate::geometry::SurfacePoint;
-use crate::material::tables::GlossyTables;
 use crate::material::{Bsdf, Lobe};
 use crate::math::{INV_PI, Vec2, luminance};
 use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere};
+use glam::UVec2;
 use rayon::prelude::*;
 
 /// Ideal mirrors and panes that a camera path follows before it gives up.
@@ -23,11 +24,21 @@ const APPEARANCES: usize = 64;
 /// Footprint of points that the camera does not see, as a share of the scene's diagonal.
 const DEEPER_FOOTPRINT: f32 = 0.004;
 
+/// A point that the camera sees, its BSDF, and how it looks.
+pub type View = (SurfacePoint, Bsdf, Appearance);
+
 /// Diameter of a pixel of `camera` after a path of length `distance`, on a surface seen under the cosine `cos`.
 ///
 /// The whole path counts, not its last segment: behind a mirror pixels go on growing as before it.
 pub(super) fn footprint(camera: &CameraRay, distance: f32, cos: f32) -> f32 {
     (camera.pixel_offset + camera.pixel_angle * distance) * (1.0 / cos.max(1.0 / MAX_STRETCH)).sqrt()
+}
+
+/// Diameter of a pixel of `camera` on the surface at `point`, if the point lies inside the image of `size` pixels, hidden or not.
+pub fn pixel_footprint(camera: &Camera, size: [u32; 2], point: &SurfacePoint) -> Option<f32> {
+    let view = camera.view(point.position, size)?;
+    let inside = view.raster.cmpge(Vec2::ZERO).all() && view.raster.cmplt(UVec2::from(size).as_vec2()).all();
+    inside.then(|| footprint(&camera.ray(view.raster, size), view.distance, view.to_camera.dot(point.ng).abs()))
 }
 
 impl PathTracer<'_> {
@@ -40,21 +51,31 @@ impl PathTracer<'_> {
     /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is none. Direct light comes from a few samples of the lights at each point, and
     /// from what the surface emits itself; `pixels` holds the camera rays and their seeds.
     pub fn appearances(&self, pixels: &[(CameraRay, u64)]) -> Vec<Option<(SurfacePoint, Appearance)>> {
-        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.appearances_of(chunk)).collect()
+        self.views(pixels, None).into_iter().map(|seen| seen.map(|(point, _, appearance)| (point, appearance))).collect()
     }
 
-    fn appearances_of(&self, pixels: &[(CameraRay, u64)]) -> Vec<Option<(SurfacePoint, Appearance)>> {
+    /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their BSDFs.
+    pub fn views(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
+        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk, service)).collect()
+    }
+
+    fn views_of(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
-        let mut seen: Vec<Option<(SurfacePoint, Appearance)>> = Vec::with_capacity(pixels.len());
+        let mut seen: Vec<Option<View>> = Vec::with_capacity(pixels.len());
+        let served = |point: &SurfacePoint, bsdf: &Bsdf| service.is_some_and(|s| s.record_order(point, bsdf).is_some());
         for (camera, seed) in pixels {
-            let Some((v, _)) = self.first_vertex(camera, *seed, |_, bsdf| bsdf.has_diffuse()) else {
+            let found = self.first_vertex(camera, *seed, |point, bsdf| bsdf.has_diffuse() || served(point, bsdf));
+            let Some((Vertex { point, bsdf }, _)) = found else {
                 seen.push(None);
                 continue;
             };
-            let Vertex { point, bsdf } = v;
-            let reflectance = bsdf.diffuse_albedo(point.frame.to_local(point.wo)) * INV_PI;
+            let wo = point.frame.to_local(point.wo);
+            let diffuse = bsdf.diffuse_albedo(wo);
+            let gloss = if served(&point, &bsdf) { luminance(bsdf.albedo(wo) - diffuse) } else { 0.0 };
+            let appearance = Appearance { reflectance: diffuse * INV_PI, gloss, direct: luminance(self.scene.emission(&point)) };
             let number = seen.len();
-            seen.push(Some((point, Appearance { reflectance, direct: luminance(self.scene.emission(&point)) })));
+            seen.push(Some((point, bsdf, appearance)));
+            let v = Vertex { point, bsdf };
             let origin = v.origin();
             let words = hash(&[*seed, 1]) as u32;
             self.scene.lights().stratified(origin.position, origin.facing, LIGHT_SAMPLES, words, &mut |sample| {
@@ -67,7 +88,7 @@ impl PathTracer<'_> {
         let mut blocked = vec![false; rays.len()];
         self.scene.occluded_many(&rays, &mut blocked);
         for ((number, luminance), _) in light.into_iter().zip(blocked).filter(|(_, blocked)| !blocked) {
-            if let Some((_, appearance)) = &mut seen[number] {
+            if let Some((.., appearance)) = &mut seen[number] {
                 appearance.direct += luminance;
             }
         }
@@ -75,13 +96,13 @@ impl PathTracer<'_> {
     }
 
     /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it has
-    /// a diffuse lobe alone to be served.
-    pub fn first_cached(&self, camera: &CameraRay, seed: u64, tables: Option<&GlossyTables>) -> Option<(SurfacePoint, u8)> {
-        let order = |point: &SurfacePoint, bsdf: &Bsdf| tables.and_then(|t| t.record_order(point, bsdf)).unwrap_or(0);
+    /// a diffuse lobe alone to be served; and whether it has a diffuse lobe.
+    pub fn first_cached(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
+        let order = |point: &SurfacePoint, bsdf: &Bsdf| service.and_then(|s| s.record_order(point, bsdf)).unwrap_or(0);
         let (Vertex { point, bsdf }, _) =
             self.first_vertex(camera, seed, |point, bsdf| bsdf.has_diffuse() || order(point, bsdf) > 0)?;
         let order = order(&point, &bsdf);
-        Some((point, order))
+        Some((point, order, bsdf.has_diffuse()))
     }
 
     /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes before it; `None` if the first that is none of those is not wanted.

@@ -1,7 +1,7 @@
 //! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see what those are worth.
 
-use super::cached::Gloss;
 use super::path::{PathTracer, Start, Vertex};
+use super::service::Gloss;
 use crate::cache::{HitStorage, RadianceAnswer};
 use crate::gather::{Deeper, StoredHit};
 use crate::geometry::SurfacePoint;

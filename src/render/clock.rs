@@ -57,6 +57,20 @@ impl Clock {
         self.spent.iter().map(|s| s.wall).sum()
     }
 
+    /// Wall and CPU seconds spent in `phase`.
+    pub fn seconds(&self, phase: Phase) -> [f64; 2] {
+        let spent = self.spent[phase as usize];
+        [spent.wall, spent.cpu]
+    }
+
+    /// Adds the seconds of `other`.
+    pub fn add(&mut self, other: &Self) {
+        for (sum, spent) in self.spent.iter_mut().zip(other.spent) {
+            sum.wall += spent.wall;
+            sum.cpu += spent.cpu;
+        }
+    }
+
     /// `{"load": {"seconds": .., "cpu_seconds": ..}, ..}`.
     pub fn to_json(&self) -> Value {
         Phase::ALL

@@ -1,22 +1,18 @@
 //! One frame: the cache is filled, then every pixel is shaded.
 
+use super::caches::{Caches, Gloss};
+use super::clock::Clock;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
-use crate::cache::{Appearance, Cache, FillStats, LevelPoints, Order, RadianceCache, RadiancePoints, Refinement};
+use crate::cache::{Cache, FillStats, Order};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
-use crate::geometry::SurfacePoint;
-use crate::integrator::{
-    self, Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, SceneProbe, SceneReflector, Shaded, Splat,
-};
-use crate::material::tables::{GlossyTables, TableSettings, TableStore};
+use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
 use rayon::prelude::*;
-use std::sync::Mutex;
-
-use super::clock::Clock;
+use std::sync::{Arc, Mutex};
 
 /// Sides of a tile in pixels.
 const TILE: u32 = 16;
@@ -24,18 +20,6 @@ const TILE: u32 = 16;
 const PASS: u32 = 16;
 /// Tiles after which splats are added to the film, in the order of the tiles: few enough to keep them in memory.
 const WAVE: u32 = 64;
-/// Shading points of the deeper levels, per level.
-const DEEPER_POINTS: usize = 16_384;
-
-/// What served the glossy lobes of low frequency.
-pub struct Gloss {
-    /// Those lobes in harmonics.
-    pub tables: GlossyTables,
-    /// Records of the light that reaches them.
-    pub records: RadianceCache,
-    /// What their fill did.
-    pub fill: FillStats,
-}
 
 /// What a frame left behind.
 pub struct Frame {
@@ -46,7 +30,7 @@ pub struct Frame {
     /// What the fill did on each level.
     pub fill: Vec<FillStats>,
     /// The same for glossy surfaces, if the scheme caches radiance.
-    pub gloss: Option<Gloss>,
+    pub gloss: Option<Arc<Gloss>>,
     /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
     pub gathered: [u64; 3],
     /// Thread seconds of rendering spent on cache lookups and on direct light.
@@ -56,6 +40,19 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// A frame without samples.
+    fn new(settings: &Settings, caches: Option<&Caches>) -> Self {
+        Self {
+            film: Film::new(settings.size, settings.window),
+            cache: caches.map(|c| c.cache.clone()),
+            fill: caches.map_or_else(Vec::new, |c| c.fill.clone()),
+            gloss: caches.and_then(|c| c.gloss.clone()),
+            gathered: caches.map_or([0; 3], |c| c.gathered),
+            shading_seconds: [0.0; 2],
+            cancelled: false,
+        }
+    }
+
     /// All caches that were filled.
     pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
         self.cache.iter().chain(self.gloss.iter().map(|g| g.records.placement()))
@@ -88,33 +85,57 @@ pub fn frame_with(
     watcher: &mut Watcher,
 ) -> Result<Frame> {
     check(settings)?;
-    let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
-    let mut frame = Frame {
-        film: Film::new(settings.size, settings.window),
-        cache: None,
-        fill: Vec::new(),
-        gloss: None,
-        gathered: [0; 3],
-        shading_seconds: [0.0; 2],
-        cancelled: false,
-    };
-    let mut limits = None;
-    if settings.integrator == IntegratorKind::Cache {
-        clock.start(Phase::Fill);
-        let mut cache = before.unwrap_or_else(|| Cache::new(settings.scheme.clone(), settings.max_bounces, scene.size()));
-        frame.gloss = gloss(scene, settings);
-        match fill(tracer, settings, &mut cache, &mut frame, progress) {
-            Ok(births) => limits = (settings.scheme.passes == 1).then_some(births),
-            Err(Error::Cancelled) => frame.cancelled = true,
-            Err(e) => return Err(e),
-        }
-        frame.cache = Some(cache);
+    if settings.integrator != IntegratorKind::Cache {
+        return shade_frame(scene, settings, None, None, progress, clock, watcher);
     }
-    if !frame.cancelled && !settings.prepass_only {
+    clock.start(Phase::Fill);
+    let mut caches = Caches::new(scene, settings, before);
+    match caches.fill(scene, settings, &[], progress) {
+        Ok(births) => {
+            let limits = (settings.scheme.passes == 1).then_some(births);
+            shade_frame(scene, settings, Some(&caches), limits.as_deref(), progress, clock, watcher)
+        }
+        Err(Error::Cancelled) => {
+            clock.stop();
+            Ok(Frame { cancelled: true, ..Frame::new(settings, Some(&caches)) })
+        }
+        Err(e) => Err(e),
+    }
+}
+
+/// [`frame`] from caches that were filled before, with no regard to the order in which their records were made.
+///
+/// # Errors
+/// Those of [`frame`].
+pub fn frame_from(
+    scene: &Scene,
+    settings: &Settings,
+    caches: Option<&Caches>,
+    progress: &Progress,
+    clock: &mut Clock,
+    watcher: &mut Watcher,
+) -> Result<Frame> {
+    check(settings)?;
+    shade_frame(scene, settings, caches, None, progress, clock, watcher)
+}
+
+/// Shades all pixels; `limits` are the numbers of records that may be used in each of them.
+fn shade_frame(
+    scene: &Scene,
+    settings: &Settings,
+    caches: Option<&Caches>,
+    limits: Option<&[u32]>,
+    progress: &Progress,
+    clock: &mut Clock,
+    watcher: &mut Watcher,
+) -> Result<Frame> {
+    let mut frame = Frame::new(settings, caches);
+    if !settings.prepass_only {
         clock.start(Phase::Render);
+        let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let integrator = match (&frame.cache, settings.integrator) {
             (Some(cache), _) => {
-                let gloss = frame.gloss.as_ref().map(|g| integrator::Gloss { tables: &g.tables, records: &g.records });
+                let gloss = frame.gloss.as_ref().map(|g| g.shading(&settings.scheme));
                 Integrator::Cached(CachedIntegrator::new(tracer, cache, gloss))
             }
             (None, IntegratorKind::Bdpt) => {
@@ -123,7 +144,7 @@ pub fn frame_with(
             }
             (None, _) => Integrator::Path(tracer),
         };
-        frame.cancelled = render(&integrator, settings, limits.as_deref(), &mut frame.film, progress, watcher);
+        frame.cancelled = render(&integrator, settings, limits, &mut frame.film, progress, watcher);
         frame.shading_seconds = integrator.seconds();
     }
     clock.stop();
@@ -139,92 +160,6 @@ fn check(settings: &Settings) -> Result<()> {
         return Err(Error::InvalidArgument(format!("the crop window {x0},{y0},{x1},{y1} is not inside {w}x{h} pixels")));
     }
     Ok(())
-}
-
-/// What will serve glossy lobes, still without records; `None` where the scheme or the scene has nothing for it.
-fn gloss(scene: &Scene, settings: &Settings) -> Option<Gloss> {
-    let scheme = &settings.scheme;
-    if scheme.radiance_order == 0 || settings.max_bounces == 0 {
-        return None;
-    }
-    let wanted = TableSettings {
-        basis: scheme.radiance_basis,
-        order: usize::from(scheme.radiance_order),
-        loss: scheme.radiance_loss,
-        padding: scheme.radiance_padding,
-        whole: scheme.radiance_diffuse,
-    };
-    let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
-    let records = RadianceCache::new(scheme, settings.max_bounces, scene.size());
-    (scheme.radiance_diffuse || !tables.is_empty()).then(|| Gloss { tables, records, fill: FillStats::default() })
-}
-
-/// Fills all levels, deepest first. Returns for each pixel of the window how many records existed when it was visited.
-fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut Frame, progress: &Progress) -> Result<Vec<u32>> {
-    let probe = SceneProbe::new(tracer);
-    let order = pixel_order(settings);
-    let mut births = vec![u32::MAX; order.len()];
-    if cache.level_count() == 0 {
-        // Light without bounces has nothing to cache.
-        return Ok(births);
-    }
-    let tables = frame.gloss.as_ref().map(|g| &g.tables);
-    let visible: Vec<(u32, SurfacePoint, u8)> = order
-        .par_iter()
-        .filter_map(|&p| {
-            let sample = camera_sample(settings, p, 0, u32::MAX);
-            let (point, order) = tracer.first_cached(&sample.camera, sample.seed, tables)?;
-            Some((p, point, if settings.scheme.radiance_diffuse { settings.scheme.radiance_order } else { order }))
-        })
-        .collect();
-    let everything: Vec<SurfacePoint> = visible.iter().map(|v| v.1).collect();
-    let (glossy, diffuse): (Vec<_>, Vec<_>) = visible.into_iter().partition(|v| v.2 > 0);
-    let split = |points: Vec<(u32, SurfacePoint, u8)>| -> (Vec<u32>, Vec<SurfacePoint>, Vec<u8>) {
-        (points.iter().map(|p| p.0).collect(), points.iter().map(|p| p.1).collect(), points.iter().map(|p| p.2).collect())
-    };
-    let ((pixels, points, _), (glossy_pixels, glossy_points, orders)) = (split(diffuse), split(glossy));
-    let appearances: Vec<Appearance> = if settings.scheme.refinement == Refinement::None {
-        vec![Appearance::default(); points.len()]
-    } else {
-        let rays: Vec<_> = pixels.iter().map(|&p| camera_sample(settings, p, 0, u32::MAX)).map(|s| (s.camera, s.seed)).collect();
-        tracer.appearances(&rays).into_iter().map(|seen| seen.map_or_else(Appearance::default, |(_, a)| a)).collect()
-    };
-    let width = frame.film.window_size()[0] as usize;
-    let round = if settings.scheme.order == Order::Scanline { width } else { 0 };
-    let mut levels = vec![LevelPoints { points, round }];
-    for level in 1..cache.level_count() {
-        let seed = hash(&[settings.seed, 2, u64::from(level)]);
-        let before = if level == 1 { &everything } else { &levels[levels.len() - 1].points };
-        let points = tracer.next_points(before, DEEPER_POINTS, seed);
-        levels.push(LevelPoints { points, round: 0 });
-    }
-    let count: usize = levels.iter().map(|l| l.points.len()).sum();
-    progress.start(Phase::Fill, (count + glossy_points.len()) as u64);
-    for (level, points) in levels.iter().enumerate().rev() {
-        let mut stats = cache.fill(&probe, level as u8, points, settings.seed, progress)?;
-        if level == 0 {
-            for (&pixel, &birth) in pixels.iter().zip(&stats.births) {
-                births[pixel as usize] = birth;
-            }
-            if settings.scheme.refinement != Refinement::None {
-                stats.add(&cache.converge(&probe, 0, &points.points, &appearances, settings.seed, progress)?);
-            }
-        }
-        frame.fill.insert(0, stats);
-    }
-    if let Some(gloss) = &mut frame.gloss {
-        let points = RadiancePoints { points: LevelPoints { points: glossy_points, round }, orders };
-        let reflector = SceneReflector { tracer, tables: &gloss.tables };
-        gloss.fill = gloss.records.fill(&probe, &points, cache, Some(&reflector), settings.seed, progress)?;
-        if settings.scheme.radiance_diffuse {
-            cache.share_level(0, gloss.records.placement());
-        }
-        for (&pixel, &birth) in glossy_pixels.iter().zip(&gloss.fill.births) {
-            births[pixel as usize] = birth;
-        }
-    }
-    frame.gathered = probe.counts().totals();
-    Ok(births)
 }
 
 /// The pixels of the window in the scheme's order.

@@ -2,19 +2,23 @@
 
 pub mod display;
 
+mod caches;
 mod clock;
 mod frame;
 mod output;
 mod records;
 mod refine;
 mod selection;
+mod sequence;
 mod settings;
 mod stats;
 
+pub use caches::{Caches, Gloss};
 pub use clock::{Clock, peak_memory_bytes};
-pub use frame::{Frame, Gloss, Watcher, frame, frame_with};
+pub use frame::{Frame, Watcher, frame, frame_from, frame_with};
 pub(crate) use frame::{camera_sample, pixel_order};
 pub use output::{Facts, write_exr, write_preview};
 pub use selection::Selection;
+pub use sequence::{Growth, fill_sequence};
 pub use settings::{IntegratorKind, Settings};
 pub use stats::stats;

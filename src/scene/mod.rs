@@ -4,7 +4,7 @@ mod world;
 
 pub use world::Scene;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Motion};
 use crate::geometry::Geometry;
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::Material;
@@ -26,6 +26,8 @@ pub struct SceneData {
     pub environment: Option<EnvironmentMap>,
     /// The cameras in the file's order.
     pub cameras: Vec<Camera>,
+    /// How the cameras move, in their order; `None` for one that stands still. Empty if nobody looked.
+    pub motions: Vec<Option<Motion>>,
     /// What the importer wants the user to know, one line each.
     pub warnings: Vec<String>,
 }

@@ -40,7 +40,7 @@ impl Scene {
     /// # Errors
     /// Those of the ray tracing back end.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
-        let SceneData { geometry, materials, textures, punctual, mut environment, cameras, mut warnings } = data;
+        let SceneData { geometry, materials, textures, punctual, mut environment, cameras, mut warnings, .. } = data;
         let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
         let emitters = emitters(&geometry, &materials, &textures);

@@ -126,6 +126,12 @@ impl GlossyTables {
         Some(if self.settings.padding { order } else { largest } as u8)
     }
 
+    /// The order that the glossy lobes of `bsdf` at `at` need for `at.wo`; `None` as in [`GlossyTables::record_order`].
+    pub fn lobe_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<usize> {
+        let wo = at.frame.to_local(at.wo);
+        self.order_of(&self.terms(at.material, bsdf, wo)?, wo)
+    }
+
     /// Writes the coefficients of the glossy lobes of `bsdf` times the cosine for `wo` to `out`, three runs of as many numbers as the basis has functions, and returns the number of bands that were written; `None` as in [`GlossyTables::record_order`].
     pub fn project(&self, material: u32, bsdf: &Bsdf, wo: Vec3, out: &mut Vec<f32>) -> Option<usize> {
         let terms = self.terms(material, bsdf, wo)?;

@@ -1,4 +1,8 @@
-//! Cameras: pixel sample to ray, with its footprint.
+//! Cameras: pixel sample to ray, with its footprint, and how they move.
+
+mod motion;
+
+pub use motion::{Interpolation, Joint, Motion, Track, without_scale};
 
 use crate::math::{Affine3A, Vec2, Vec3};
 
@@ -60,6 +64,15 @@ pub struct CameraView {
 }
 
 impl Camera {
+    /// The unit direction from `point` to the camera, wherever that looks.
+    pub fn towards(&self, point: Vec3) -> Vec3 {
+        let back = Vec3::from(self.to_world.matrix3.z_axis);
+        match self.projection {
+            Projection::Perspective { .. } => (Vec3::from(self.to_world.translation) - point).normalize_or(back),
+            Projection::Orthographic { .. } => back,
+        }
+    }
+
     /// How the camera sees `point` in an image of `size` pixels, the inverse of [`Camera::ray`]; `None` for a point that is not in front of it. The point may lie
     /// outside the image.
     ///

@@ -1,0 +1,62 @@
+//! What single records say of the light that leaves a shading point: the quantity that adaptive caching compares.
+
+use super::converge::Appearance;
+use super::radiance::{LobeCoefficients, Maker, Radiance};
+use super::{Reach, Record};
+use crate::geometry::SurfacePoint;
+use crate::math::{INV_PI, luminance};
+
+/// The glossy lobe of shading point number `p` towards its viewer, if it has one that records serve.
+pub type Lobes<'a> = dyn Fn(usize, &mut LobeCoefficients) -> bool + Sync + 'a;
+
+/// The light that leaves shading points by their records.
+#[derive(Clone, Copy)]
+pub(super) enum Outgoing<'a> {
+    /// By the diffuse lobe, from irradiance.
+    Diffuse,
+    /// By all lobes, from radiance records.
+    Glossy {
+        /// The lobes of the points.
+        lobes: &'a Lobes<'a>,
+        /// What made the records.
+        maker: &'a Maker,
+        /// See [`super::Scheme::radiance_padding`].
+        padding: bool,
+    },
+}
+
+impl Outgoing<'_> {
+    /// Luminance of the radiance that leaves point `p`, which is `at`, if `record` alone is asked, whose radiance is `radiance`. `None` if it has too few bands for the point's lobe.
+    pub fn luminance(
+        &self,
+        (p, at): (usize, &SurfacePoint),
+        appearance: &Appearance,
+        reach: &Reach,
+        (record, radiance): (&Record, Option<&Radiance>),
+        scratch: &mut LobeCoefficients,
+    ) -> Option<f32> {
+        let irradiance = record.irradiance_at(reach, at);
+        let diffuse = luminance(appearance.reflectance * irradiance);
+        let (Self::Glossy { lobes, maker, padding }, Some(radiance)) = (self, radiance) else { return Some(diffuse) };
+        if !lobes(p, scratch) {
+            return Some(diffuse);
+        }
+        if radiance.order() < scratch.order && !padding {
+            return None;
+        }
+        let (_, slope) = reach.radius(record.length, record.footprint);
+        maker.prepare(at, scratch);
+        let glossy = maker.leaving(radiance, at, slope * (at.position - record.position), irradiance, scratch);
+        Some(diffuse + luminance(glossy))
+    }
+
+    /// Standard error of that luminance: all light that the point reflects is taken to be as uncertain as its irradiance [Krivanek06, Sec. 4.3].
+    pub fn sigma(&self, appearance: &Appearance, record: &Record) -> f32 {
+        (luminance(appearance.reflectance) + INV_PI * appearance.gloss) * record.sigma
+    }
+
+    /// True if the luminance costs much more than finding out whether a record is valid. Then it is not worked out anew when a record's area shrinks.
+    pub fn is_costly(&self) -> bool {
+        matches!(self, Self::Glossy { .. })
+    }
+}

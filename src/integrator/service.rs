@@ -1,0 +1,78 @@
+//! Which surfaces radiance records serve, and in which directions.
+
+use crate::cache::{RadianceCache, Scheme};
+use crate::geometry::SurfacePoint;
+use crate::material::Bsdf;
+use crate::material::tables::GlossyTables;
+use crate::math::luminance;
+
+/// The choice between records and paths for a surface's glossy lobes.
+#[derive(Clone, Copy)]
+pub struct Service<'a> {
+    /// The lobes in harmonics.
+    pub tables: &'a GlossyTables,
+    /// For each material whether records may serve it.
+    pub materials: &'a [bool],
+    /// See [`Scheme::radiance_share`].
+    pub share: f32,
+    /// See [`Scheme::radiance_curved_order`].
+    pub curved_order: u8,
+}
+
+/// What serves the glossy lobes of low frequency.
+#[derive(Clone, Copy)]
+pub struct Gloss<'a> {
+    /// Those lobes.
+    pub service: Service<'a>,
+    /// Records of the light that reaches them.
+    pub records: &'a RadianceCache,
+}
+
+/// The cosine between shading and geometric normal above which a surface is flat.
+const FLAT: f32 = 1.0 - 1e-6;
+
+impl<'a> Service<'a> {
+    /// The choice that `scheme` makes among `materials`, a flag for each of the scene's.
+    pub fn new(tables: &'a GlossyTables, materials: &'a [bool], scheme: &Scheme) -> Self {
+        Self { tables, materials, share: scheme.radiance_share, curved_order: scheme.radiance_curved_order }
+    }
+
+    /// The number of bands of a record that serves the glossy lobes of `bsdf` at `at` in the direction `at.wo`; `None` where paths do.
+    pub fn record_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<u8> {
+        if !self.worthwhile(at, bsdf) {
+            return None;
+        }
+        let record = self.tables.record_order(at, bsdf)?;
+        let lobe = if self.is_limited(at) { self.tables.lobe_order(at, bsdf)? } else { 0 };
+        (lobe <= usize::from(self.curved_order)).then_some(record)
+    }
+
+    /// Writes the coefficients of those lobes to `out` and returns their order; see [`GlossyTables::project`]. `None` where paths serve them.
+    pub fn project(&self, at: &SurfacePoint, bsdf: &Bsdf, out: &mut Vec<f32>) -> Option<usize> {
+        if !self.worthwhile(at, bsdf) {
+            return None;
+        }
+        if self.is_limited(at) && self.tables.lobe_order(at, bsdf)? > usize::from(self.curved_order) {
+            return None;
+        }
+        self.tables.project(at.material, bsdf, at.frame.to_local(at.wo), out)
+    }
+
+    /// Records in another frame than the point's cost a rotation of the lobe for each of them, which grows with the cube of its order: beyond some order a path is cheaper.
+    fn is_limited(&self, at: &SurfacePoint) -> bool {
+        at.frame.n.dot(at.ng).abs() < FLAT
+    }
+
+    /// A faint gloss beside a diffuse lobe makes little noise, whose removal is not worth records that are dearer than those of irradiance.
+    fn worthwhile(&self, at: &SurfacePoint, bsdf: &Bsdf) -> bool {
+        if !bsdf.has_glossy() || !self.materials[at.material as usize] {
+            return false;
+        }
+        if self.share <= 0.0 || !bsdf.has_diffuse() {
+            return true;
+        }
+        let wo = at.frame.to_local(at.wo);
+        let (all, diffuse) = (luminance(bsdf.albedo(wo)), luminance(bsdf.diffuse_albedo(wo)));
+        all - diffuse >= self.share * all
+    }
+}
