@@ -61,6 +61,7 @@ fn ward88() -> Scheme {
         axis_error: 0.05,
         light_rays: 256,
         axis_light_rays: 32,
+        light_paths: 0,
         gradient_clamp: false,
         neighbour_clamp: false,
         refinement: Refinement::None,

@@ -38,7 +38,7 @@ impl<'a> LightPoints<'a> {
         let samples = choice.samples as f32;
         let escaping = bundle.len() as f32 / choice.every as f32;
         let sky = |direction: Vec3, cosine: f32, light_pdf: f32| {
-            let density = samples * light_pdf + escaping * choice.density.pdf(cosine);
+            let density = samples * light_pdf + escaping * bundle.density.pdf(cosine);
             Place::Distant { direction, strength: lights.environment(direction) / density }
         };
         lights.stratified(from.position, Some(from.ng), choice.samples, choice.seed as u32, &mut |sample: LightSample| {
