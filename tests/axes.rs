@@ -1,7 +1,10 @@
 //! Records with eight axes: their lengths, the quadratics along them, equivalent point sources, direct light in records, and light paths joined to gathers.
 
 use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, scheme, seen, settings};
-use lumicache::cache::{Axes, Cache, Contents, DirectSamples, Footprint, FootprintKind, LevelPoints, Reach, Record, SECTORS, Scheme};
+use lumicache::cache::{
+    Axes, Cache, CacheFile, Contents, DirectSamples, Footprint, FootprintKind, LevelPoints, Origin, Reach, Record, SECTORS,
+    Scheme,
+};
 use lumicache::gather::{
     Arrival, Bundle, Deeper, Density, DirectLight, HemisphereSamples, HitKind, Layout, LightChoice, NoDeeper, RadianceProbe,
 };
@@ -11,6 +14,8 @@ use lumicache::light::EnvironmentMap;
 use lumicache::math::{Color, Vec2, Vec3, luminance};
 use lumicache::render::IntegratorKind;
 use lumicache::scene::SceneData;
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Radiance and distance by direction, and the normal there; a lamp that is a point of intensity 1, seen from where `lit` says.
 struct World<F, G> {
@@ -278,8 +283,22 @@ fn records_hold_what_lamps_and_sky_send() {
     let held = |r: &Record| luminance(axes(r).direct.unwrap().irradiance);
     assert!(records.iter().map(held).sum::<f32>() > 0.0);
     let again = fill(&scene, Scheme { light_rays: 4096, ..scheme }, &points).0;
-    let sum = |c: &Cache| {
-        points.points.iter().filter_map(|p| c.lookup(0, p, u32::MAX)?.direct).map(luminance).sum::<f32>()
-    };
-    assert!((sum(&cache) / sum(&again) - 1.0).abs() < 0.02, "{} for {}", sum(&cache), sum(&again));
+    let sum = |c: &Cache| points.points.iter().filter_map(|p| c.lookup(0, p, u32::MAX)?.direct).map(luminance).sum::<f32>();
+    // Records with 64 rays see the sky through windows by a handful of them.
+    assert!((sum(&cache) / sum(&again) - 1.0).abs() < 0.04, "{} for {}", sum(&cache), sum(&again));
+}
+
+#[test]
+fn files_keep_axes_and_spare_records_without() {
+    let scene = build(own("staircase"));
+    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], [24, 32], 0), round: 0 };
+    for (preset, most) in [("aric11", 1300), ("ward88", 350)] {
+        let (cache, _) = fill(&scene, Scheme { rays: 64, ..scheme(preset) }, &points);
+        let file = CacheFile::new(&cache, Origin::new(BTreeMap::new(), cache.scheme(), u32::MAX, cache.scene_size()));
+        let bytes = file.to_bytes();
+        assert!(bytes.len() < most * file.record_count() + 8192, "{preset}: {} bytes", bytes.len());
+        let read = CacheFile::from_bytes(&bytes, Path::new("memory")).unwrap();
+        assert!(read == file, "{preset}: the file changed a record");
+        assert!(read.levels[0].iter().all(|r| r.axes.as_ref().is_some_and(|a| a.direct.is_some()) == (preset == "aric11")));
+    }
 }

@@ -171,7 +171,8 @@ impl Fit<'_> {
             let points: Vec<Vec3> = new.iter().map(|d| self.at.position + d.x * frame.s + d.y * frame.t).collect();
             let mut arrivals = Vec::new();
             direct.beside.arriving(&points, &mut arrivals);
-            for (out, arrivals) in out.iter_mut().zip(arrivals.chunks((arrivals.len() / points.len()).max(1)).take(points.len())) {
+            for (out, arrivals) in out.iter_mut().zip(arrivals.chunks((arrivals.len() / points.len()).max(1)).take(points.len()))
+            {
                 out.0[1] = irradiance_of(arrivals, frame.n);
             }
         }

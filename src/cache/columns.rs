@@ -234,4 +234,18 @@ macro_rules! columns {
     };
 }
 
-columns!(position, normal, irradiance, rotation, translation, curve, axes, shape, length_unclamped, error, footprint, sigma, fences);
+columns!(
+    position,
+    normal,
+    irradiance,
+    rotation,
+    translation,
+    curve,
+    axes,
+    shape,
+    length_unclamped,
+    error,
+    footprint,
+    sigma,
+    fences
+);

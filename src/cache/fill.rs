@@ -223,8 +223,9 @@ impl<'a> Filling<'a> {
     /// What new records will be told of those that are there.
     fn survey(&mut self, errors_differ: bool) {
         self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
-        self.spread = (self.cache.scheme.footprint == FootprintKind::Sectors)
-            .then(|| Envelope::build(self.records.iter().map(|r| (r.position, self.reach.length_of(self.reach.area(r).0.mean())))));
+        self.spread = (self.cache.scheme.footprint == FootprintKind::Sectors).then(|| {
+            Envelope::build(self.records.iter().map(|r| (r.position, self.reach.length_of(self.reach.area(r).0.mean()))))
+        });
         self.nearest = errors_differ.then(|| Envelope::build(self.records.iter().map(|r| (r.position, 0.0))));
     }
 

@@ -239,7 +239,8 @@ mod tests {
             for _ in 0..20_000 {
                 let d = Vec3::from_array(std::array::from_fn(|_| 3.0 * rng.next_f32() - 1.5));
                 let radius = 0.4 * rng.next_f32();
-                let near = d + radius * rng.next_f32() * Vec3::from_array(std::array::from_fn(|_| rng.next_f32() - 0.5)).normalize();
+                let near =
+                    d + radius * rng.next_f32() * Vec3::from_array(std::array::from_fn(|_| rng.next_f32() - 0.5)).normalize();
                 let reached = shape.may_reach(Vec3::Z, d, radius);
                 assert!(reached || shape.share(Vec3::Z, near) >= 0.9999, "{shape:?} {d} {radius}");
                 *missed += usize::from(!reached && d.length() - radius < shape.longest());

@@ -36,7 +36,9 @@ pub use live::{Live, Snapshot};
 pub use preset::{PRESETS, Preset};
 pub use radiance::{LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints};
 pub use record::{Curve, Reach, Record};
-pub use scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+pub use scheme::{
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight,
+};
 
 use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;

@@ -1,6 +1,8 @@
 //! The published schemes as rows of a table.
 
-use super::scheme::{Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight};
+use super::scheme::{
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, Refinement, Scheme, Strata, Weight,
+};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{Density, RadianceGradient, TranslationalGradient, TriangleRadiance};
@@ -216,8 +218,8 @@ fn aric11() -> Scheme {
     Scheme {
         metric: Metric::MinimumRestricted,
         footprint: FootprintKind::Sectors,
-        // As long as the surroundings allow, whatever is near on the other side.
-        max_aspect: 1e3,
+        // Published is no bound. Beside a wall the samples say little of places further along it.
+        max_aspect: 4.0,
         kernel: Kernel::Ribardiere,
         weight: Weight::Hat,
         error: 1.0,

@@ -1,7 +1,7 @@
 //! What a gather saw as point sources that stay where they are, so that irradiance can be had beside the point, and under another normal, without tracing a ray.
 
-use super::gradient::MIN_COS_HIT;
 use super::HemisphereSamples;
+use super::gradient::MIN_COS_HIT;
 use crate::math::{Color, INV_PI, PI, Vec2, Vec3};
 
 /// Sources worked on at a time.
