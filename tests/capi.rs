@@ -334,6 +334,36 @@ fn files_go_round_and_tell_stale_from_corrupt() {
 }
 
 #[test]
+fn records_with_direct_light_go_round() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = text(folder.path().join("a.lumi").to_str().unwrap());
+    let d = device("");
+    let s = loaded(&d, "cornell-box");
+    let points = seen(&s, 500);
+    let with = |contents: &str| {
+        let c = cache(&s);
+        for (name, value) in [("preset", "aric11"), ("contents", contents), ("rays", "64")] {
+            ok(unsafe { lumi_cache_set_str(c.0, text(name).as_ptr(), text(value).as_ptr()) });
+        }
+        c
+    };
+    let both = with("direct-and-indirect");
+    ok(build(both.0, &points));
+    let wanted = ask(both.0, &points, 0).irradiance;
+    ok(unsafe { lumi_cache_save(both.0, file.as_ptr()) });
+    let again = with("direct-and-indirect");
+    ok(unsafe { lumi_cache_load(again.0, file.as_ptr(), 0) });
+    assert!(bits(&ask(again.0, &points, 0).irradiance) == bits(&wanted), "the file changed a record");
+    let alone = with("indirect");
+    fails(unsafe { lumi_cache_load(alone.0, file.as_ptr(), 0) }, LUMI_ERROR_STALE_CACHE, "contents");
+    ok(build(alone.0, &points));
+    let sum = |e: &[[f32; 3]]| e.iter().flatten().sum::<f32>();
+    let indirect = sum(&ask(alone.0, &points, 0).irradiance);
+    // In this box direct light is the larger part.
+    assert!(sum(&wanted) > 1.5 * indirect, "{} beside {indirect}", sum(&wanted));
+}
+
+#[test]
 fn a_described_scene_is_that_of_the_file() {
     // The same box once by arrays with strides and materials per triangle, once mesh by mesh and shared.
     let d = device("");

@@ -103,7 +103,8 @@ fn the_five_parts_sum_to_the_beauty() {
     data.materials.iter_mut().for_each(|m| m.emission += 0.01);
     let scene = build(data);
     let path = settings(&scene, IntegratorKind::Path, [60, 40], 4);
-    for settings in [path, cached(&scene, "auto", [60, 40], 4), cached(&scene, "ward88", [60, 40], 4)] {
+    let presets = ["auto", "ward88", "aric11"].map(|preset| cached(&scene, preset, [60, 40], 4));
+    for settings in std::iter::once(path).chain(presets) {
         let what = format!("{} {}", settings.integrator.name(), settings.describe());
         let frame = render(&scene, &settings);
         let parts = PARTS.map(|name| frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap()));

@@ -4,6 +4,7 @@ mod accel; // both back ends agree
 mod adaptive; // adaptive caching
 mod animations; // cameras that move
 mod architecture; // module order, citations, file sizes
+mod axes; // records with eight axes, direct light in records
 mod basis; // spherical and hemispherical harmonics
 mod bdpt; // bidirectional path tracing
 mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf

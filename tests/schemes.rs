@@ -173,7 +173,10 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
         let second = r
             .curve
             .map_or(Color::ZERO, |c| Curve { hessian: c.hessian * (slope * slope), ..c }.term(offset, linear, r.irradiance));
-        let value = r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second;
+        let value = match &r.axes {
+            Some(axes) => r.irradiance + axes.at(r.normal, offset, at.frame.n).0,
+            None => r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second,
+        };
         sum += weight * value.max(Color::ZERO);
         weights += weight;
         errors += weight * error;

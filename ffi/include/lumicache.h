@@ -377,7 +377,7 @@ typedef struct lumi_query {
   size_t wo_stride;
   // One float per point: width of a pixel there, world units. Bounds the area of a record from below. NULL: 0.002 times the scene's diagonal.
   const float *footprint;
-  // Three floats per point: irradiance of indirect light; what a diffuse surface reflects is albedo/pi times that. May be NULL.
+  // Three floats per point: irradiance of indirect light, and of direct light where "contents" is "direct-and-indirect" and the scene is the library's; what a diffuse surface reflects is albedo/pi times that. May be NULL.
   float *irradiance;
   // See `irradiance`.
   size_t irradiance_stride;

@@ -245,8 +245,8 @@ impl Experiment<'_> {
             *(if y > target { &mut many } else { &mut few }) = Some((x, y));
             x = match (many, few) {
                 (Some((x0, y0)), Some((x1, y1))) => x0 + (x1 - x0) * ((y0 - target) / (y0 - y1)).clamp(0.1, 0.9),
-                // The number goes with the inverse square of the radii.
-                _ => x + (0.5 * (y - target)).clamp(-1.5, 1.5),
+                // The number goes with the inverse square of the radii, those with a power of the error.
+                _ => x + ((y - target).clamp(-3.0, 3.0) / (2.0 * f64::from(base.radius_power()))),
             };
         }
         best.map(|(_, attempt)| attempt).ok_or_else(|| Error::InvalidArgument("nothing was tried".into()))

@@ -12,6 +12,8 @@ use crate::sampling::hash;
 pub(super) const MAX_TILT: f32 = 0.349_066;
 /// An axis that errs too much is shortened to this share of its length.
 const SHORTER: f32 = 0.75;
+/// An axis is no longer than this multiple of the longer one beside it. What it covered beyond would be a thorn: next to no area, but a line in the picture.
+const SPIKE: f32 = 2.5;
 /// Errors are relative to the irradiance and this share of the largest along the axis.
 const DARK: f32 = 0.01;
 
@@ -127,7 +129,7 @@ impl<'a> DirectSamples<'a> {
         let bundle = samples.bundle();
         let choice = |samples: u32, number: u64| {
             let every = if number == 0 { 1 } else { (bundle.len() as u32 / samples).max(1) };
-            LightChoice { samples, every, density: scheme.density, seed: hash(&[seed, 5, number]) }
+            LightChoice { samples, every, seed: hash(&[seed, 5, number]) }
         };
         let mut center = Vec::new();
         probe.lights(at, bundle, choice(scheme.light_rays, 0))?.arriving(&[at.position], &mut center);
@@ -146,7 +148,7 @@ struct Fit<'a> {
 }
 
 /// Irradiance by indirect and by direct light.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Both([Color; 2]);
 
 impl Both {
@@ -156,16 +158,21 @@ impl Both {
 }
 
 impl Fit<'_> {
-    /// Irradiance at the shares ¼, ½, ¾ and 1 of `length` along axis `k`.
-    fn along(&self, k: usize, length: f32) -> [Both; 4] {
+    /// Irradiance at the shares ¼, ½, ¾ and 1 of `length` along axis `k`; `end` if the last is known.
+    fn along(&self, k: usize, length: f32, end: Option<Both>) -> [Both; 4] {
         let places = [0.25, 0.5, 0.75, 1.0].map(|share| share * length * AXES[k]);
-        let mut out = places.map(|d| Both([self.sources.irradiance_at(d), Color::ZERO]));
+        let new = &places[..if end.is_some() { 3 } else { 4 }];
+        let mut out = [end.unwrap_or_default(); 4];
+        for (out, d) in out.iter_mut().zip(new) {
+            out.0 = [self.sources.irradiance_at(*d), Color::ZERO];
+        }
         if let Some(direct) = self.direct {
             let frame = &self.at.frame;
-            let points = places.map(|d| self.at.position + d.x * frame.s + d.y * frame.t);
+            let points: Vec<Vec3> = new.iter().map(|d| self.at.position + d.x * frame.s + d.y * frame.t).collect();
             let mut arrivals = Vec::new();
             direct.beside.arriving(&points, &mut arrivals);
-            for (out, arrivals) in out.iter_mut().zip(arrivals.chunks((arrivals.len() / points.len()).max(1))) {
+            for (out, arrivals) in out.iter_mut().zip(arrivals.chunks((arrivals.len() / points.len()).max(1)).take(points.len()))
+            {
                 out.0[1] = irradiance_of(arrivals, frame.n);
             }
         }
@@ -207,7 +214,7 @@ impl Fit<'_> {
 /// scheme's `axis_error`, or is as short as radii get. Returns the lengths R_i that this leaves, too.
 ///
 /// Published is to try a quarter and three quarters of an axis first and to go on with the values that are there; after two steps the points tested are those that the quadratic goes through, where it cannot err. Here
-/// all four are computed anew. A disc keeps its shape: it gets the shortest of its axes.
+/// the points tested are always new. A disc keeps its shape: it gets the shortest of its axes.
 pub(super) fn fit(
     scheme: &Scheme,
     reach: &Reach,
@@ -231,17 +238,30 @@ pub(super) fn fit(
     });
     let (mut lengths, mut left) = ([0.0; SECTORS], whole);
     for k in 0..SECTORS {
-        let mut length = reach.radius_filling(whole[k], at.footprint);
+        lengths[k] = reach.radius_filling(whole[k], at.footprint);
+        let mut end = None;
         let quadratics = loop {
-            let (quadratics, error) = fit.quadratics(&fit.along(k, length));
-            if scheme.axis_error <= 0.0 || error <= scheme.axis_error || length <= shortest {
+            let values = fit.along(k, lengths[k], end);
+            let (quadratics, error) = fit.quadratics(&values);
+            if scheme.axis_error <= 0.0 || error <= scheme.axis_error || lengths[k] <= shortest {
                 break quadratics;
             }
-            length = (SHORTER * length).max(shortest);
-            left[k] = reach.length_of(length);
+            // The new end was a point of the test.
+            end = (SHORTER * lengths[k] > shortest).then_some(values[2]);
+            lengths[k] = (SHORTER * lengths[k]).max(shortest);
+            left[k] = reach.length_of(lengths[k]);
         };
         (0..2).for_each(|i| change[i].travel[k] = quadratics[i]);
-        lengths[k] = length;
+    }
+    let found = lengths;
+    for k in 0..SECTORS {
+        let most = SPIKE * found[(k + 1) % SECTORS].max(found[(k + SECTORS - 1) % SECTORS]);
+        if found[k] > most {
+            lengths[k] = most;
+            left[k] = reach.length_of(most);
+            let (quadratics, _) = fit.quadratics(&fit.along(k, most, None));
+            (0..2).for_each(|i| change[i].travel[k] = quadratics[i]);
+        }
     }
     let turns = fit.turns();
     (0..2).for_each(|i| change[i].turn = turns[i]);

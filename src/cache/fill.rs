@@ -2,7 +2,7 @@
 
 use super::radiance::{Making, Radiance, RadiancePoints};
 use super::record::clamp_to_neighbours;
-use super::{Cache, Contents, DirectSamples, Envelope, Index, Level, Reach, Record};
+use super::{Cache, Contents, DirectSamples, Envelope, FootprintKind, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::{Deeper, HemisphereSamples, HitChange, Layout, RadianceProbe};
 use crate::geometry::SurfacePoint;
@@ -110,6 +110,8 @@ pub(super) struct Filling<'a> {
     /// The records made since.
     fresh: Index,
     envelope: Envelope,
+    /// The same of the mean lengths of records that have sectors: how far apart new ones are expected to lie. The shortest say little of that.
+    spread: Option<Envelope>,
     /// Finds the nearest record, if they are not all allowed the same error.
     nearest: Option<Envelope>,
     pub stats: FillStats,
@@ -214,6 +216,7 @@ impl<'a> Filling<'a> {
             origins: Vec::new(),
             fresh: cache.index(&[], reach),
             envelope,
+            spread: None,
             nearest: None,
             stats: FillStats::default(),
         }
@@ -234,6 +237,9 @@ impl<'a> Filling<'a> {
     /// What new records will be told of those that are there.
     fn survey(&mut self, errors_differ: bool) {
         self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
+        self.spread = (self.cache.scheme.footprint == FootprintKind::Sectors).then(|| {
+            Envelope::build(self.records.iter().map(|r| (r.position, self.reach.length_of(self.reach.area(r).0.mean()))))
+        });
         self.nearest = errors_differ.then(|| Envelope::build(self.records.iter().map(|r| (r.position, 0.0))));
     }
 
@@ -317,7 +323,8 @@ impl<'a> Filling<'a> {
         for &i in pending {
             let p = &points[i as usize];
             // R can be no longer than the envelope of its neighbours, so this radius is an upper bound where neighbours exist.
-            let (radius, _) = self.reach.radius(self.envelope.value(p.position), p.footprint);
+            let length = self.spread.as_ref().unwrap_or(&self.envelope).value(p.position);
+            let (radius, _) = self.reach.radius(length, p.footprint);
             let radius = radius * self.error_of_new(p.position) / self.reach.allowed_error();
             let free = discs.iter().all(|&(x, n, r)| {
                 let limit = CONFLICT * r.min(radius);
@@ -390,7 +397,7 @@ impl<'a> Filling<'a> {
             .enumerate()
             .filter(|(_, (at, _))| noisy(at))
             .map_init(
-                || self.samples_in(layout),
+                || self.empty_gather(layout),
                 |samples, (k, (at, order))| {
                     samples.gather(self.probe, at, self.level, self.deeper, hash(&[self.seed_at(at), 1]));
                     (first + k, self.made(samples, at, *order))
@@ -409,13 +416,15 @@ impl<'a> Filling<'a> {
     }
 
     fn samples(&self) -> HemisphereSamples {
-        self.samples_in(self.cache.scheme.layout(self.level))
+        self.empty_gather(self.cache.scheme.layout(self.level))
     }
 
-    fn samples_in(&self, layout: Layout) -> HemisphereSamples {
+    /// An empty gather of this layout.
+    fn empty_gather(&self, layout: Layout) -> HemisphereSamples {
         let scheme = &self.cache.scheme;
+        let paths = if self.level == 0 { scheme.light_paths } else { 0 };
         let change = if self.making.is_some() { scheme.hit_change } else { HitChange::None };
-        HemisphereSamples::new(layout, scheme.density).with_change(change)
+        HemisphereSamples::new(layout, scheme.density).with_light_paths(paths).with_change(change)
     }
 
     /// The record of a gather at `at`, where it was made, and whether it had to be taken again there.

@@ -66,6 +66,11 @@ impl Footprint {
         self.radii().iter().copied().fold(0.0, f32::max)
     }
 
+    /// The mean radius.
+    pub fn mean(&self) -> f32 {
+        self.radii().iter().sum::<f32>() / self.radii().len() as f32
+    }
+
     /// The same shape with each radius `r` replaced by `f(r)`, which must not decrease with r.
     #[must_use]
     pub fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
@@ -138,6 +143,24 @@ impl Footprint {
         }
     }
 
+    /// False only if no point within `radius` of the point at `offset` lies inside the area.
+    pub fn may_reach(&self, normal: Vec3, offset: Vec3, radius: f32) -> bool {
+        let Self::Sectors { axis, r } = self else { return offset.length() - radius <= self.longest() };
+        let flat = Vec2::new(offset.dot(*axis), offset.dot(normal.cross(*axis)));
+        let distance = flat.length();
+        if offset.dot(normal).abs() - radius > self.shortest() {
+            return false;
+        }
+        if distance <= radius {
+            return true;
+        }
+        // The longest of the axes around the directions that the ball is seen in.
+        let (middle, half) = (flat.to_angle() / FRAC_PI_4, (radius / distance).asin() / FRAC_PI_4);
+        let (first, last) = ((middle - half).floor() as i32, (middle + half).ceil() as i32);
+        let longest = (first..=last).map(|k| r[k.rem_euclid(SECTORS as i32) as usize]).fold(0.0, f32::max);
+        distance - radius <= longest
+    }
+
     /// The first tangent of the area; any one for a disc.
     pub fn axis(&self, normal: Vec3) -> Vec3 {
         match self {
@@ -206,6 +229,24 @@ mod tests {
                 assert!((shape.share(Vec3::Z, 2.0 * d) - 2.0 * share).abs() < 1e-4 * share);
             }
         }
+    }
+
+    #[test]
+    fn balls_that_meet_an_area_are_not_missed() {
+        let mut rng = Rng::new(9);
+        let mut missed = [0; 3];
+        for (shape, missed) in shapes().iter().zip(&mut missed) {
+            for _ in 0..20_000 {
+                let d = Vec3::from_array(std::array::from_fn(|_| 3.0 * rng.next_f32() - 1.5));
+                let radius = 0.4 * rng.next_f32();
+                let near =
+                    d + radius * rng.next_f32() * Vec3::from_array(std::array::from_fn(|_| rng.next_f32() - 0.5)).normalize();
+                let reached = shape.may_reach(Vec3::Z, d, radius);
+                assert!(reached || shape.share(Vec3::Z, near) >= 0.9999, "{shape:?} {d} {radius}");
+                *missed += usize::from(!reached && d.length() - radius < shape.longest());
+            }
+        }
+        assert!(missed[0] == 0 && missed[2] > 1000, "{missed:?}");
     }
 
     #[test]

@@ -195,6 +195,10 @@ impl Index {
             let inside = list
                 .iter()
                 .filter(|e| ((e.position - c).abs() - 0.5 * half).max(Vec3::ZERO).length() * e.inverse_radius <= 1.0)
+                .filter(|e| {
+                    // The ball around the cell: half its diagonal.
+                    e.detail < SHAPED || self.areas[(e.detail - SHAPED) as usize].may_reach(e.normal, c - e.position, 0.87 * half)
+                })
                 .copied()
                 .collect();
             self.split(first + octant, inside, c, 0.5 * half, depth + 1);

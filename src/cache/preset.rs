@@ -66,6 +66,7 @@ fn ward88() -> Scheme {
         axis_error: 0.05,
         light_rays: 256,
         axis_light_rays: 32,
+        light_paths: 0,
         gradient_clamp: false,
         neighbour_clamp: false,
         refinement: Refinement::None,
@@ -255,8 +256,8 @@ fn aric11() -> Scheme {
     Scheme {
         metric: Metric::MinimumRestricted,
         footprint: FootprintKind::Sectors,
-        // As long as the surroundings allow, whatever is near on the other side.
-        max_aspect: 1e3,
+        // Published is no bound. Beside a wall the samples say little of places further along it.
+        max_aspect: 4.0,
         kernel: Kernel::Ribardiere,
         weight: Weight::Hat,
         error: 1.0,

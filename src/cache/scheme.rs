@@ -218,6 +218,8 @@ pub struct Scheme {
     pub light_rays: u32,
     /// Light samples for each place on its axes where direct light is asked for.
     pub axis_light_rays: u32,
+    /// Light paths that are joined with each record of the first level, beside its rays: a bidirectional gather [Ribardiere11, Fig. 1].
+    pub light_paths: u32,
     /// Bound R_i by `E/|∇E|` [Krivanek06, Eq. 2], the radius along an axis v by `E/|∇E·v|`.
     pub gradient_clamp: bool,
     /// Bound R_i by `R_j + |x_i - x_j|` for all records j [Krivanek06, Sec. 5.3].
@@ -301,7 +303,7 @@ impl Scheme {
     }
 
     /// The power of the allowed error with which radii grow.
-    fn radius_power(&self) -> f32 {
+    pub fn radius_power(&self) -> f32 {
         match (self.metric, self.error_measure) {
             (Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted, _) | (Metric::Gradient, ErrorMeasure::Average) => {
                 1.0
@@ -349,6 +351,8 @@ impl Scheme {
             levels: 1,
             // Their gloss needs its own direct light anyway.
             contents: Contents::Indirect,
+            // And light paths are no part of its harmonics.
+            light_paths: 0,
             ..self.clone()
         }
     }
@@ -507,6 +511,12 @@ impl Scheme {
         }
         if self.contents != Contents::Indirect && !axes {
             return fail("the contents `direct-and-indirect` need extrapolation `axes`");
+        }
+        if self.light_paths > 0 && !axes {
+            return fail("setting `light_paths` needs extrapolation `axes`: gradients know of rays alone");
+        }
+        if self.light_paths > 1_000_000 {
+            return fail("setting `light_paths` must be at most 1000000");
         }
         for (name, value) in [("light_rays", self.light_rays), ("axis_light_rays", self.axis_light_rays)] {
             if !(1..=65_536).contains(&value) {

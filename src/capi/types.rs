@@ -328,7 +328,7 @@ pub struct lumi_query {
     pub wo_stride: usize,
     /// One float per point: width of a pixel there, world units. Bounds the area of a record from below. NULL: 0.002 times the scene's diagonal.
     pub footprint: *const f32,
-    /// Three floats per point: irradiance of indirect light; what a diffuse surface reflects is albedo/pi times that. May be NULL.
+    /// Three floats per point: irradiance of indirect light, and of direct light where "contents" is "direct-and-indirect" and the scene is the library's; what a diffuse surface reflects is albedo/pi times that. May be NULL.
     pub irradiance: *mut f32,
     /// See `irradiance`.
     pub irradiance_stride: usize,

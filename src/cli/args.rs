@@ -142,6 +142,9 @@ pub struct Report {
     /// The camera, by name or number.
     #[arg(long, value_name = "NAME|INDEX")]
     pub camera: Option<String>,
+    /// Light from infinity: an equirectangular .hdr or .exr.
+    #[arg(long, value_name = "MAP")]
+    pub env: Option<PathBuf>,
     /// Most surface interactions after the camera hit; without it paths end by Russian roulette alone.
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,

@@ -38,7 +38,10 @@ pub fn run(arguments: &Report) -> Result<Outcome> {
 }
 
 fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::Report> {
-    let data = import::gltf(&arguments.scene, &ImportOptions::default())?;
+    let mut data = import::gltf(&arguments.scene, &ImportOptions::default())?;
+    if let Some(map) = &arguments.env {
+        data.environment = Some(import::environment(map, 0.0, 1.0)?);
+    }
     let (scene, _) = Scene::new(data, Backend::default())?;
     let camera = camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let size = match &arguments.size {

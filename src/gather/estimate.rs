@@ -12,10 +12,11 @@ const MIN_ELEVATION: f32 = 0.173_648;
 const GROUPS: usize = 8;
 
 impl HemisphereSamples {
-    /// Irradiance `E = Σ Ω_k L_k cos θ_k`, with respect to the shading normal.
+    /// Irradiance `E = Σ Ω_k L_k cos θ_k`, with respect to the shading normal, and what light paths bring beside the rays.
     pub fn irradiance(&self) -> Color {
         let b = &self.bundle;
-        (0..b.len()).map(|k| b.radiance[k] * (b.dir_local[k].z * self.solid_angle(k))).sum()
+        let rays: Color = (0..b.len()).map(|k| b.radiance[k] * (b.dir_local[k].z * self.solid_angle(k))).sum();
+        rays + b.joints.iter().map(|j| j.irradiance).sum::<Color>()
     }
 
     /// Standard error of the luminance of [`HemisphereSamples::irradiance`].

@@ -24,10 +24,11 @@ pub enum Layout {
 }
 
 /// The density of directions over the hemisphere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Density {
     /// cos θ/π per steradian.
+    #[default]
     Cosine,
     /// 1/(2π) per steradian.
     Uniform,

@@ -62,6 +62,8 @@ pub struct Bundle {
     pub dir_local: Vec<Vec3>,
     /// Density of each direction per steradian.
     pub pdf: Vec<f32>,
+    /// The density of all directions.
+    pub density: Density,
     /// Radiance arriving from each direction.
     pub radiance: Vec<Color>,
     /// Distance to what each ray hit, infinite where it hit nothing.
@@ -76,6 +78,23 @@ pub struct Bundle {
     pub hit_change: HitChange,
     /// The change of `radiance` per unit that the receiver moves along each tangent of its frame, what lights the hits staying as it is. Empty if the probe was not asked for it or cannot tell.
     pub change: [Vec<Color>; 2],
+    /// Light paths that the probe is asked to join with the point of the gather; 0 for none.
+    pub light_paths: u32,
+    /// What they bring.
+    pub joints: Vec<Joint>,
+}
+
+/// A place on a light path, joined with the point of a gather: a source of indirect light beside the hits of its rays. The probe weighs it against the rays that could have hit the same place, and those against it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// From the point of the gather, world space.
+    pub offset: Vec3,
+    /// Unit normal there, world space, facing the point of the gather.
+    pub normal: Vec3,
+    /// Irradiance at the point of the gather.
+    pub irradiance: Color,
+    /// The area that the place stands for.
+    pub area: f32,
 }
 
 impl Bundle {
@@ -102,12 +121,13 @@ impl Bundle {
         self.kind.clear();
         self.kind.resize(n, HitKind::None);
         self.change.iter_mut().for_each(Vec::clear);
+        self.joints.clear();
     }
 }
 
 /// Whatever can tell the light arriving at a surface point: our own tracer, a host renderer's callback, an analytic field in a test.
 pub trait RadianceProbe: Sync {
-    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at `from`.
+    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at `from`, and `joints` if it knows how to and is asked to.
     ///
     /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by the camera. Indirect light at the hits may be taken from
     /// `deeper`, whose caches are finished.
@@ -140,14 +160,20 @@ impl Deeper for NoDeeper {
 pub struct HemisphereSamples {
     frame: Frame,
     layout: Layout,
-    density: Density,
     bundle: Bundle,
 }
 
 impl HemisphereSamples {
     /// An empty gather; its buffers are reused by every [`HemisphereSamples::gather`].
     pub fn new(layout: Layout, density: Density) -> Self {
-        Self { frame: Frame::from_normal(Vec3::Z), layout, density, bundle: Bundle::default() }
+        Self { frame: Frame::from_normal(Vec3::Z), layout, bundle: Bundle { density, ..Bundle::default() } }
+    }
+
+    /// The same with `count` light paths joined to every gather.
+    #[must_use]
+    pub fn with_light_paths(mut self, count: u32) -> Self {
+        self.bundle.light_paths = count;
+        self
     }
 
     /// The same gather that asks how the radiance of hits changes by the method `how`.
@@ -167,7 +193,7 @@ impl HemisphereSamples {
     pub fn gather(&mut self, probe: &dyn RadianceProbe, at: &SurfacePoint, level: u8, deeper: &dyn Deeper, seed: u64) {
         self.frame = at.frame;
         self.bundle.reset(self.layout.rays());
-        self.layout.directions(self.density, seed, &mut self.bundle.dir_local, &mut self.bundle.pdf);
+        self.layout.directions(self.bundle.density, seed, &mut self.bundle.dir_local, &mut self.bundle.pdf);
         self.bundle.seed = crate::sampling::hash(&[seed, 1]);
         probe.incoming(at, level, deeper, &mut self.bundle);
     }

@@ -110,7 +110,7 @@ impl HemisphereSamples {
 
     /// θ at the boundary between rings that has the share `t` of the strata above it.
     pub(super) fn ring_edge(&self, t: f32) -> f32 {
-        match self.density {
+        match self.bundle.density {
             Density::Cosine => t.sqrt().min(1.0).asin(),
             Density::Uniform => (1.0 - t).acos(),
         }

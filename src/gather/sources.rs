@@ -1,7 +1,7 @@
 //! What a gather saw as point sources that stay where they are, so that irradiance can be had beside the point, and under another normal, without tracing a ray.
 
+use super::HemisphereSamples;
 use super::gradient::MIN_COS_HIT;
-use super::{Density, HemisphereSamples};
 use crate::math::{Color, INV_PI, PI, Vec2, Vec3};
 
 /// Sources worked on at a time.
@@ -29,8 +29,6 @@ pub struct LightChoice {
     pub samples: u32,
     /// Of the rays of the gather that met the environment, every so many stand for it.
     pub every: u32,
-    /// Density of those rays.
-    pub density: Density,
     /// Seed of all choices.
     pub seed: u64,
 }
@@ -47,8 +45,10 @@ struct Lane {
     nz: [f32; LANES],
     /// The area that a source stands for, over π.
     area: [f32; LANES],
-    /// What is left when the distances and the cosine at the source are taken out.
-    strength: [[f32; LANES]; 3],
+    /// F, with the distances and the cosine at the source taken out.
+    weight: [f32; LANES],
+    /// Radiance.
+    radiance: [[f32; LANES]; 3],
 }
 
 /// Indirect light of a gather as equivalent point sources [Ribardiere11, Eq. 8-13].
@@ -56,72 +56,111 @@ struct Lane {
 /// A hit at y whose normal is n_y stands for a diffuse patch of the area `A = Ω r²/cos ξ` with the radiance L that the ray brought. At x', beside the gather in its tangent plane, it gives
 ///
 /// ```text
-/// E(x') = Ω L cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π),
+/// F' = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)        E(x') = Σ L F' · Σ F/Σ F'
 /// ```
 ///
-/// and nothing behind its own plane. A/π keeps a source finite that the point comes close to; at the gather itself the sum is [`HemisphereSamples::irradiance`]. What is infinitely far, and what is seen at
-/// a grazing angle, stays as it is.
+/// and F' = 0 behind its own plane. A/π keeps a source finite that the point comes close to; what is infinitely far, and what is seen at a grazing angle, keeps its F. At the gather itself the sum is
+/// [`HemisphereSamples::irradiance`]. The published sum is without the last factor. But beside a wall the patches that were seen are left behind, and those ahead were hardly seen: the patches cover less than the
+/// hemisphere that x' has, too, and corners come out dark by tens of percents. The factor spreads what there is over all of it; in a uniform world irradiance does not change at all.
 pub struct PointSources<'a> {
     samples: &'a HemisphereSamples,
     lanes: Vec<Lane>,
-    /// Irradiance that does not change.
-    constant: Color,
+    /// Places on light paths: irradiance in the place of radiance, and no part of Σ F.
+    joints: Vec<Lane>,
+    /// Irradiance that does not change, and the part of Σ F that does not.
+    constant: (Color, f32),
+    /// Σ F.
+    whole: f32,
 }
 
 impl HemisphereSamples {
     /// Its samples as point sources.
     pub fn point_sources(&self) -> PointSources<'_> {
         let b = &self.bundle;
-        let (mut lanes, mut used, mut constant) = (Vec::with_capacity(b.len() / LANES + 1), LANES, Color::ZERO);
+        let mut lanes = Vec::with_capacity(b.len());
+        let (mut constant, mut whole) = ((Color::ZERO, 0.0), 0.0);
         for (k, (&w, &r)) in b.dir_local.iter().zip(&b.distance).enumerate() {
             let solid_angle = self.solid_angle(k);
-            let irradiance = b.radiance[k] * (w.z * solid_angle);
-            if irradiance == Color::ZERO {
-                continue;
-            }
+            let factor = w.z * solid_angle;
             let against = -self.frame.to_local(b.normal[k]);
             let cosine = against.dot(w);
+            whole += factor;
             if !r.is_finite() || r <= 0.0 || cosine < MIN_COS_HIT {
-                constant += irradiance;
+                constant.0 += factor * b.radiance[k];
+                constant.1 += factor;
                 continue;
             }
-            if used == LANES {
-                lanes.push(Lane { z: [1.0; LANES], ..Lane::default() });
-                used = 0;
-            }
-            let Some(lane) = lanes.last_mut() else { continue };
-            let area = solid_angle * r * r * INV_PI / cosine;
-            let strength = irradiance * (r * (r * r + area) / cosine);
-            let at = r * w;
-            (lane.x[used], lane.y[used], lane.z[used]) = (at.x, at.y, at.z);
-            (lane.nx[used], lane.ny[used], lane.nz[used]) = (against.x, against.y, against.z);
-            lane.area[used] = area;
-            (0..3).for_each(|c| lane.strength[c][used] = strength[c]);
-            used += 1;
+            let area = solid_angle * r * r / cosine;
+            lanes.push(Source { at: r * w, against, area, weight: factor, radiance: b.radiance[k] });
         }
-        PointSources { samples: self, lanes, constant }
+        let joints = b.joints.iter().map(|j| Source {
+            at: self.frame.to_local(j.offset),
+            against: -self.frame.to_local(j.normal),
+            area: j.area,
+            weight: 1.0,
+            radiance: j.irradiance,
+        });
+        let (lanes, joints) = (Lane::all(lanes.into_iter()), Lane::all(joints));
+        PointSources { samples: self, lanes, joints, constant, whole }
+    }
+}
+
+/// One source, in the local frame of the gather.
+struct Source {
+    at: Vec3,
+    against: Vec3,
+    area: f32,
+    weight: f32,
+    radiance: Color,
+}
+
+impl Lane {
+    /// Lanes of all `sources`.
+    fn all(sources: impl ExactSizeIterator<Item = Source>) -> Vec<Self> {
+        // What is not filled is nowhere near a place where it could divide by zero.
+        let mut lanes = vec![Self { z: [1.0; LANES], ..Self::default() }; sources.len().div_ceil(LANES)];
+        for (k, source) in sources.enumerate() {
+            let (lane, k) = (&mut lanes[k / LANES], k % LANES);
+            let (squared, area) = (source.at.length_squared(), source.area * INV_PI);
+            let facing = source.against.dot(source.at);
+            (lane.x[k], lane.y[k], lane.z[k]) = source.at.into();
+            (lane.nx[k], lane.ny[k], lane.nz[k]) = source.against.into();
+            (lane.area[k], lane.weight[k]) = (area, source.weight * squared * (squared + area) / facing);
+            (0..3).for_each(|c| lane.radiance[c][k] = source.radiance[c]);
+        }
+        lanes
+    }
+
+    /// Adds the F' of its sources at `d` to `factors`, and those times the radiance to `sums`.
+    #[inline]
+    fn add(&self, d: Vec2, sums: &mut [[f32; LANES]; 3], factors: &mut [f32; LANES]) {
+        let mut factor = [0.0_f32; LANES];
+        for k in 0..LANES {
+            let (x, y, z) = (self.x[k] - d.x, self.y[k] - d.y, self.z[k]);
+            let squared = x * x + y * y + z * z;
+            let facing = (self.nx[k] * x + self.ny[k] * y + self.nz[k] * z).max(0.0);
+            factor[k] = self.weight[k] * facing / (squared * (squared + self.area[k]));
+            factors[k] += factor[k];
+        }
+        for (sum, radiance) in sums.iter_mut().zip(&self.radiance) {
+            for k in 0..LANES {
+                sum[k] += radiance[k] * factor[k];
+            }
+        }
     }
 }
 
 impl PointSources<'_> {
     /// Irradiance at the place `d` in the tangent plane of the gather, scene units along its tangents.
     pub fn irradiance_at(&self, d: Vec2) -> Color {
-        let mut sums = [[0.0_f32; LANES]; 3];
-        for lane in &self.lanes {
-            let mut share = [0.0_f32; LANES];
-            for k in 0..LANES {
-                let (x, y, z) = (lane.x[k] - d.x, lane.y[k] - d.y, lane.z[k]);
-                let squared = x * x + y * y + z * z;
-                let facing = (lane.nx[k] * x + lane.ny[k] * y + lane.nz[k] * z).max(0.0);
-                share[k] = facing / (squared * (squared + lane.area[k]));
-            }
-            for (sum, strength) in sums.iter_mut().zip(&lane.strength) {
-                for k in 0..LANES {
-                    sum[k] += strength[k] * share[k];
-                }
-            }
-        }
-        self.constant + Color::from_array(sums.map(|s| s.iter().sum()))
+        let (mut sums, mut factors) = ([[0.0_f32; LANES]; 3], [0.0_f32; LANES]);
+        self.lanes.iter().for_each(|lane| lane.add(d, &mut sums, &mut factors));
+        let covered = self.constant.1 + factors.iter().sum::<f32>();
+        let sum = self.constant.0 + Color::from_array(sums.map(|s| s.iter().sum()));
+        let spread = if covered > 0.0 { sum * (self.whole / covered) } else { sum };
+        let mut joined = [[0.0_f32; LANES]; 3];
+        self.joints.iter().for_each(|lane| lane.add(d, &mut joined, &mut factors));
+        spread + Color::from_array(joined.map(|s| s.iter().sum()))
     }
 
     /// Irradiance on a surface through the point of the gather whose normal is tilted by `angle` towards the unit tangent `towards`, local [Ribardiere11, Eq. 20].
@@ -141,6 +180,10 @@ impl PointSources<'_> {
                 low += b.radiance[k] * (side * solid_angle);
                 weights += side * solid_angle;
             }
+        }
+        for joint in &b.joints {
+            let w = self.samples.frame.to_local(joint.offset);
+            seen += joint.irradiance * (normal.dot(w) / w.z).max(0.0);
         }
         if weights > 0.0 { seen + low * (0.5 * PI * (1.0 - cos) / weights) } else { seen }
     }

@@ -11,6 +11,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// A joining ray ends this share of its length before the light.
 const SHORTENING: f32 = 1e-4;
 
+/// Beside the point that places were chosen for, rays start this share of the way there above the surface: what is flat there may be bent a little.
+const LIFT: f32 = 0.01;
+
 /// A place on a light.
 enum Place {
     /// On an emissive triangle: where, its unit normal, radiance over density, and the area that the place stands for, over π.
@@ -38,7 +41,7 @@ impl<'a> LightPoints<'a> {
         let samples = choice.samples as f32;
         let escaping = bundle.len() as f32 / choice.every as f32;
         let sky = |direction: Vec3, cosine: f32, light_pdf: f32| {
-            let density = samples * light_pdf + escaping * choice.density.pdf(cosine);
+            let density = samples * light_pdf + escaping * bundle.density.pdf(cosine);
             Place::Distant { direction, strength: lights.environment(direction) / density }
         };
         lights.stratified(from.position, Some(from.ng), choice.samples, choice.seed as u32, &mut |sample: LightSample| {
@@ -109,7 +112,8 @@ impl DirectLight for LightPoints<'_> {
         let first = out.len();
         let (mut rays, mut asked): (Vec<Ray>, Vec<usize>) = (Vec::new(), Vec::new());
         for &position in points {
-            let at = SurfacePoint { position, ..self.from };
+            let lift = LIFT * (position - self.from.position).length() * self.from.ng;
+            let at = SurfacePoint { position: position + lift, ..self.from };
             for place in &self.places {
                 let (arrival, distance) = place.arrival(self.scene, position);
                 if arrival.light != Color::ZERO && arrival.dir.dot(at.ng) > 0.0 && arrival.light.is_finite() {

@@ -1,5 +1,6 @@
 //! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their hits, paths where no cache helps.
 
+use super::bdpt::LightPaths;
 use super::direct::LightPoints;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start, Vertex};
@@ -8,11 +9,14 @@ use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Sees indirect light: what the rays of a bundle hit reflects, but what it emits only if it was seen in a mirror.
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
+    /// Made when a gather first asks for light paths.
+    light_paths: OnceLock<LightPaths<'a>>,
     counts: Counts,
 }
 
@@ -37,7 +41,7 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self { tracer, counts: Counts::default() }
+        Self { tracer, light_paths: OnceLock::new(), counts: Counts::default() }
     }
 
     /// What has been traced so far.
@@ -50,6 +54,8 @@ impl RadianceProbe for SceneProbe<'_> {
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
         let scene = self.tracer.scene;
         let bounces = u32::from(level) + 1;
+        let joined = bundle.light_paths > 0 && !scene.lights().is_empty() && bounces <= self.tracer.max_bounces;
+        let light_paths = joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
 
         // Trace the rays that leave the surface on its outer side; a bent shading normal sends some of them inside.
         let mut number = Vec::with_capacity(bundle.len());
@@ -84,7 +90,11 @@ impl RadianceProbe for SceneProbe<'_> {
                 continue;
             }
             let bsdf = scene.shade(&mut point);
-            let through = scene.transmittance(&point, distance);
+            let mut through = scene.transmittance(&point, distance);
+            if let Some(light_paths) = light_paths {
+                let cos = -point.ng.dot(ray.dir);
+                through *= light_paths.weight_of_ray(bundle, &bsdf, bundle.pdf[k], cos, distance);
+            }
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
@@ -117,8 +127,9 @@ impl RadianceProbe for SceneProbe<'_> {
                 }
             }
         }
+        let joining = light_paths.map_or(0, |paths| paths.join(from, level, bundle));
         self.counts.bundle_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-        self.counts.shadow_rays.fetch_add(shadows.len() as u64, Ordering::Relaxed);
+        self.counts.shadow_rays.fetch_add(shadows.len() as u64 + joining, Ordering::Relaxed);
         self.counts.paths.fetch_add(paths, Ordering::Relaxed);
     }
 

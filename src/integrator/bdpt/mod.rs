@@ -4,6 +4,7 @@
 //! of the image: a splat. One light path belongs to each camera sample. What a path contributes and to which layer does not depend on the way it was made.
 
 mod connect;
+mod joints;
 mod vertex;
 mod walk;
 mod weight;
@@ -15,6 +16,7 @@ use super::{CameraSample, PathTracer, Shaded};
 use crate::camera::Camera;
 use crate::light::EmissionSampler;
 use crate::math::Color;
+pub(super) use joints::LightPaths;
 use walk::{CameraPath, LightPath};
 use weight::Density;
 
