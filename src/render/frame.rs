@@ -212,18 +212,21 @@ fn fill(tracer: PathTracer, settings: &Settings, cache: &mut Cache, frame: &mut 
         }
         frame.fill.insert(0, stats);
     }
-    if let Some(gloss) = &mut frame.gloss {
+    let mut gathered = probe.counts().totals();
+    if let Some(Gloss { tables, records, fill }) = &mut frame.gloss {
         let points = RadiancePoints { points: LevelPoints { points: glossy_points, round }, orders };
-        let reflector = SceneReflector { tracer, tables: &gloss.tables };
-        gloss.fill = gloss.records.fill(&probe, &points, cache, Some(&reflector), settings.seed, progress)?;
+        let probe = SceneProbe::new(tracer).with_tables(Some(tables));
+        let reflector = SceneReflector { tracer, tables };
+        *fill = records.fill(&probe, &points, cache, Some(&reflector), settings.seed, progress)?;
         if settings.scheme.radiance_diffuse {
-            cache.share_level(0, gloss.records.placement());
+            cache.share_level(0, records.placement());
         }
-        for (&pixel, &birth) in glossy_pixels.iter().zip(&gloss.fill.births) {
+        for (&pixel, &birth) in glossy_pixels.iter().zip(&fill.births) {
             births[pixel as usize] = birth;
         }
+        gathered.iter_mut().zip(probe.counts().totals()).for_each(|(sum, n)| *sum += n);
     }
-    frame.gathered = probe.counts().totals();
+    frame.gathered = gathered;
     Ok(births)
 }
 
