@@ -30,7 +30,7 @@ fn threads_do_not_change_a_byte() {
         let scene = still_life(backend);
         // Path tracing in more than one pass over the image; caching in one and in two passes, with and without neighbour clamping and refinement.
         let mut all = vec![("path", settings(&scene, IntegratorKind::Path, SIZE, 18))];
-        for preset in ["ward88", "tabellion04", "krivanek05", "krivanek06", "aric11", "auto"] {
+        for preset in ["ward88", "tabellion04", "krivanek05", "krivanek06", "aric11", "zhao-view", "auto"] {
             let mut settings = cached(&scene, preset, SIZE, 2);
             (settings.scheme.rays, settings.scheme.error) = (64, 2.0 * settings.scheme.error);
             all.push((preset, settings));

@@ -40,3 +40,4 @@ mod scotty3d; // what a second pass and the rotational gradient are worth
 mod sky; // daylight
 mod testdata; // where the optional test data is
 mod two_glossy; // light from one glossy surface on another
+mod zhao; // radiance records on all surfaces

@@ -312,7 +312,7 @@ fn any_function_can_be_tabulated() {
 }
 
 /// One layer of a frame as a picture.
-fn layer(frame: &Frame, name: &str) -> Layers {
+pub fn layer(frame: &Frame, name: &str) -> Layers {
     let [width, height] = frame.film.window_size();
     let channels = frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap());
     let channel = |(samples, name): (Vec<f32>, &str)| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };

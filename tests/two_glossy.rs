@@ -1,14 +1,18 @@
 //! Light from one glossy surface on another: the change of radiance with the point it is seen from, as records have it, against differences of dense gathers; pictures with and without it.
 
-use crate::pictures::{build, own};
-use crate::radiance::{norm, off};
+use crate::pictures::{build, cached, difference, own, render, settings};
+use crate::radiance::{layer, norm, off};
 use lumicache::accel::Ray;
-use lumicache::basis::{Basis, Sh};
+use lumicache::basis::{Basis, BasisKind, Sh};
+use lumicache::cache::{HitStorage, Scheme};
 use lumicache::gather::{Density, HemisphereSamples, HitChange, Layout, NoDeeper, TriangleRadiance};
 use lumicache::geometry::SurfacePoint;
+use lumicache::imagefile::exr::Layers;
 use lumicache::integrator::{PathTracer, SceneProbe};
+use lumicache::material::tables::{GlossyTables, TableSettings, TableStore};
 use lumicache::material::{Material, NativeBrdf};
 use lumicache::math::{Color, Vec3};
+use lumicache::render::{IntegratorKind, Settings};
 use lumicache::scene::Scene;
 
 /// The two planes with the wall made of `wall`, and a point of the floor.
@@ -84,8 +88,9 @@ fn the_gradient_knows_that_hits_look_different_from_elsewhere() {
         let expected = reference(&scene);
         let [without, with] = [HitChange::None, HitChange::Frozen].map(|how| off(&gradient(&scene, how), &expected));
         println!("{name}: gradient off by {without:.3} without the change, {with:.3} with it");
-        assert!(with < 0.05, "{name}: off by {with}");
-        assert!(without > 0.3, "{name}: off by {without} only");
+        // What is left is the mesh at the borders of the wall.
+        assert!(with < 0.12, "{name}: off by {with}");
+        assert!(without > 4.0 * with, "{name}: off by {without} only");
     }
 }
 
@@ -95,6 +100,27 @@ fn the_closed_form_agrees_with_evaluation_aside() {
     let [frozen, analytic] = [HitChange::Frozen, HitChange::Analytic].map(|how| gradient(&scene, how));
     assert!(off(&frozen, &analytic) < 5e-3, "{}", off(&frozen, &analytic));
     assert!(norm(&analytic[0]) > 0.0);
+}
+
+#[test]
+fn harmonics_of_the_hit_s_lobe_tell_its_change_where_they_represent_it() {
+    // Ten bands hold a lobe of exponent 8.
+    let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.6), exponent: 8.0 };
+    let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
+    let settings = TableSettings { basis: BasisKind::Sh, order: 10, loss: 0.1, padding: false, whole: true };
+    let tables = GlossyTables::new(scene.materials(), settings, &TableStore::default());
+    let probe = SceneProbe::new(PathTracer { scene: &scene, max_bounces: 1 }).with_tables(Some(&tables));
+    let of = |how| {
+        let mut samples = HemisphereSamples::new(Layout::Concentric { n: 64 }, Density::Cosine).with_change(how);
+        samples.gather(&probe, &floor(&scene, PLACE[0], PLACE[1]), 0, &NoDeeper, 1);
+        samples
+            .radiance_derivatives(&Sh::new(5), TriangleRadiance::Hybrid, false)
+            .gradient
+            .map(|g| g.iter().map(|x| f64::from(*x)).collect())
+    };
+    let [none, frozen, harmonics]: [[Vec<f64>; 2]; 3] = [HitChange::None, HitChange::Frozen, HitChange::Harmonics].map(of);
+    println!("{:.3} from frozen samples, {:.3} without any", off(&harmonics, &frozen), off(&none, &frozen));
+    assert!(off(&harmonics, &frozen) < 0.1 && off(&none, &frozen) > 0.3);
 }
 
 #[test]
@@ -109,4 +135,31 @@ fn diffuse_hits_look_the_same_from_everywhere() {
         assert!(samples.bundle().change.iter().all(|c| c.len() == samples.bundle().len()));
         assert!(samples.bundle().change.iter().flatten().all(|c| *c == Color::ZERO));
     }
+}
+
+/// Glossy indirect light of the floor near the wall.
+fn edge(scene: &Scene, settings: Settings) -> Layers {
+    let settings = Settings { max_bounces: 2, window: [0, 0, 48, 6], ..settings };
+    layer(&render(scene, &settings), "glossy_indirect")
+}
+
+#[test]
+fn the_edge_between_two_glossy_surfaces_is_clean() {
+    let scene = planes(None);
+    let size = [48, 36];
+    let reference = edge(&scene, settings(&scene, IntegratorKind::Path, size, 4096));
+    let relmse = |change: &dyn Fn(&mut Scheme)| {
+        let mut settings = cached(&scene, "zhao-incoming", size, 4);
+        (settings.scheme.error, settings.scheme.noise, settings.scheme.min_pixels) = (1e-4, 0.0, 1.0);
+        change(&mut settings.scheme);
+        difference(&edge(&scene, settings), &reference).relmse
+    };
+    let [without, with] = [HitChange::None, HitChange::Frozen].map(|how| relmse(&|s| (s.hit_change, s.rays) = (how, 4096)));
+    println!("relmse {without:.2e} without the change of hits, {with:.2e} with it");
+    assert!(with < 0.25 * without, "{with} {without}");
+    // Without harmonics and derivatives the same: it is the hits' light that must change.
+    let [frozen, traced] = [HitStorage::Frozen, HitStorage::Traced]
+        .map(|hits| relmse(&|s| (s.hit_change, s.radiance_hits, s.rays) = (HitChange::None, hits, 1024)));
+    println!("relmse {frozen:.2e} from hits that stay as they are, {traced:.2e} from hits traced anew");
+    assert!(traced < 0.5 * frozen, "{traced} {frozen}");
 }

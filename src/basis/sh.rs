@@ -219,15 +219,16 @@ pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::Rng;
 
     #[test]
     fn slopes_are_the_first_two_components_of_the_gradients() {
         let sh = Sh::new(12);
         let (mut out, mut jets) = (vec![[Lane::default(); 3]; sh.count()], vec![Jet::default(); sh.count()]);
-        let mut rng = Rng::new(5);
-        let mut w: [Vec3; LANES] =
-            std::array::from_fn(|_| Vec3::from_array(std::array::from_fn(|_| 2.0 * rng.next_f32() - 1.0)).normalize());
+        // Directions that wind from one pole to the other, which they miss, the pole itself and the horizon.
+        let mut w: [Vec3; LANES] = std::array::from_fn(|k| {
+            let (phi, z) = (2.4 * k as f32, 0.95 - 0.26 * k as f32);
+            Vec3::new(phi.cos(), phi.sin(), 0.0) * (1.0 - z * z).sqrt() + z * Vec3::Z
+        });
         (w[0], w[1]) = (Vec3::Z, Vec3::X);
         sh.slopes(&w, &mut out);
         for k in 0..LANES {

@@ -53,6 +53,8 @@ pub enum HitChange {
     Frozen,
     /// The same by the derivative of the lobe where the hit is a Phong lobe [Zhao, Eq. 3.45].
     Analytic,
+    /// The same by the lobes of the hit as harmonics represent them, so far as these are tabulated [Zhao, Eq. 3.46-3.47]: as smooth as the record.
+    Harmonics,
 }
 
 /// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`, `pdf` and `seed`, the probe the rest.

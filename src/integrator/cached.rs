@@ -239,7 +239,7 @@ impl<'a> CachedIntegrator<'a> {
             lobe.order = gloss.service.project(&v.point, &v.bsdf, &mut lobe.values)?;
             gloss.records.lookup(&v.point, limit, lobe)
         } else {
-            self.tracer.from_hits(v, limit, gloss, self.cache)
+            self.tracer.reflect_hits(v, limit, gloss, self.cache)
         };
         out.lookups += 1;
         let Some(answer) = answer else {

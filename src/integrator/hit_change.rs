@@ -9,6 +9,7 @@ use crate::accel::Ray;
 use crate::gather::HitChange;
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
+use crate::material::tables::GlossyTables;
 use crate::math::{Color, INV_PI, Vec3};
 
 /// The point of the gather is moved by this share of the distance of the hit.
@@ -24,6 +25,8 @@ pub(super) struct Views<'a> {
     turn: [Vec3; 2],
     step: f32,
     how: HitChange,
+    /// The lobes in harmonics, where those are wanted.
+    tables: Option<&'a GlossyTables>,
 }
 
 /// Changes along both tangents of the gather's frame.
@@ -31,7 +34,13 @@ pub(super) type Change = [Color; 2];
 
 impl<'a> Views<'a> {
     /// Those of the hit `vertex` at `distance` from the gather `from`; `None` where nothing changes.
-    pub fn new(how: HitChange, from: &SurfacePoint, vertex: &'a Vertex, distance: f32) -> Option<Self> {
+    pub fn new(
+        how: HitChange,
+        tables: Option<&'a GlossyTables>,
+        from: &SurfacePoint,
+        vertex: &'a Vertex,
+        distance: f32,
+    ) -> Option<Self> {
         if how == HitChange::None || !vertex.bsdf.has_glossy() || vertex.bsdf.is_delta_only() {
             return None;
         }
@@ -47,6 +56,7 @@ impl<'a> Views<'a> {
             turn: tangents.map(|t| frame.to_local(t - vertex.point.wo * vertex.point.wo.dot(t)) / distance),
             step,
             how,
+            tables: tables.filter(|_| how == HitChange::Harmonics),
         })
     }
 
@@ -64,7 +74,7 @@ impl<'a> Views<'a> {
                         let share = glossy / (glossy + diffuse(self.wo)).max(Color::splat(f32::MIN_POSITIVE));
                         slope.map(|s| next * share * s)
                     }
-                    None => self.relative(next, |wo| bsdf.f(wo, sample.wi)),
+                    None => self.lobes(next, sample.wi, bsdf.f(self.wo, sample.wi), |wo| bsdf.f(wo, sample.wi)),
                 }
             }
             Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => self.of_gloss(next, sample.wi),
@@ -84,7 +94,17 @@ impl<'a> Views<'a> {
     fn of_gloss(&self, light: Color, wi: Vec3) -> Change {
         match self.slope(wi) {
             Some((_, slope)) => slope.map(|s| light * s),
-            None => self.relative(light, |wo| self.vertex.bsdf.f_glossy(wo, wi)),
+            None => self.lobes(light, wi, self.vertex.bsdf.f_glossy(self.wo, wi), |wo| self.vertex.bsdf.f_glossy(wo, wi)),
+        }
+    }
+
+    /// The change of `light`, which came from `wi` and is proportional to `f`, `here` towards the point of the gather.
+    fn lobes(&self, light: Color, wi: Vec3, here: Color, f: impl Fn(Vec3) -> Color) -> Change {
+        let Vertex { point, bsdf } = self.vertex;
+        match self.tables {
+            // The diffuse lobe is part of the sum, and of no difference.
+            Some(tables) if wi.z > 0.0 => self.difference(light, here, |wo| tables.reflect(point.material, bsdf, wo, wi) / wi.z),
+            _ => self.difference(light, here, f),
         }
     }
 
@@ -99,10 +119,14 @@ impl<'a> Views<'a> {
 
     /// The change of `light`, which is proportional to `f(wo)`.
     fn relative(&self, light: Color, f: impl Fn(Vec3) -> Color) -> Change {
+        self.difference(light, f(self.wo), f)
+    }
+
+    /// The change of `light`, which is as `here` is; `f` tells that aside.
+    fn difference(&self, light: Color, here: Color, f: impl Fn(Vec3) -> Color) -> Change {
         if light == Color::ZERO {
             return [Color::ZERO; 2];
         }
-        let here = f(self.wo);
         self.beside.map(|[ahead, behind]| {
             // Towards a point below the hit's horizon nothing is reflected, which is no slope.
             if ahead.z * self.wo.z <= 0.0 || behind.z * self.wo.z <= 0.0 {

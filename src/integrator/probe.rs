@@ -7,6 +7,7 @@ use super::path::{PathTracer, Start, Vertex};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
+use crate::material::tables::GlossyTables;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
 use std::sync::OnceLock;
@@ -15,6 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Sees indirect light: what the rays of a bundle hit reflects, but what it emits only if it was seen in a mirror.
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
+    tables: Option<&'a GlossyTables>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
     counts: Counts,
@@ -41,7 +43,13 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self { tracer, light_paths: OnceLock::new(), counts: Counts::default() }
+        Self { tracer, tables: None, light_paths: OnceLock::new(), counts: Counts::default() }
+    }
+
+    /// The same probe with the lobes of the scene's materials in harmonics, for gathers that ask for [`HitChange::Harmonics`].
+    #[must_use]
+    pub fn with_tables(self, tables: Option<&'a GlossyTables>) -> Self {
+        Self { tables, ..self }
     }
 
     /// What has been traced so far.
@@ -98,7 +106,7 @@ impl RadianceProbe for SceneProbe<'_> {
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
-            let views = Views::new(bundle.hit_change, from, &vertex, distance);
+            let views = Views::new(bundle.hit_change, self.tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
                 let change = views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
                 shadows.push(shadow);

@@ -30,7 +30,7 @@ impl PathTracer<'_> {
     }
 
     /// The glossy reflection at `v` of the hits that the records of `gloss` keep; with [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
-    pub(super) fn from_hits(&self, v: &Vertex, limit: u32, gloss: &Gloss, deeper: &dyn Deeper) -> Option<RadianceAnswer> {
+    pub(super) fn reflect_hits(&self, v: &Vertex, limit: u32, gloss: &Gloss, deeper: &dyn Deeper) -> Option<RadianceAnswer> {
         let seed = hash(&v.point.position.to_array().map(|x| u64::from(x.to_bits())));
         let wo = v.point.frame.to_local(v.point.wo);
         let traced = gloss.records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;

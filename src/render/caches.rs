@@ -126,6 +126,7 @@ impl Caches {
             let gloss = Arc::get_mut(gloss).ok_or_else(held)?;
             let points = LevelPoints { points: glossy.iter().map(|v| v.1).collect(), round };
             let points = RadiancePoints { points, orders: glossy.iter().map(|v| v.2).collect() };
+            let probe = SceneProbe::new(tracer).with_tables(Some(&gloss.tables));
             let reflector = SceneReflector { tracer, tables: &gloss.tables };
             gloss.records.see_from(&reflector, &|p| settings.camera.towards(p));
             let stats = gloss.records.fill(&probe, &points, &self.cache, Some(&reflector), settings.seed, progress)?;
@@ -146,9 +147,14 @@ impl Caches {
             if settings.scheme.radiance_diffuse {
                 self.cache.share_level(0, gloss.records.placement());
             }
+            self.count(&probe);
         }
-        self.gathered.iter_mut().zip(probe.counts().totals()).for_each(|(sum, n)| *sum += n);
+        self.count(&probe);
         Ok(births)
+    }
+
+    fn count(&mut self, probe: &SceneProbe) {
+        self.gathered.iter_mut().zip(probe.counts().totals()).for_each(|(sum, n)| *sum += n);
     }
 
     /// What the pixels see by their first samples. Decides which materials are worth radiance records.

@@ -3,7 +3,7 @@
 use super::{GlossyTables, TableSettings};
 use crate::basis::{Basis, BasisKind, LANES, gauss_legendre, index, triangle, zonal_factors};
 use crate::material::Bsdf;
-use crate::math::{INV_PI, Vec3};
+use crate::math::{Color, INV_PI, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// Nodes over the cosine of the outgoing direction.
@@ -122,12 +122,20 @@ impl GlossyTables {
         }
     }
 
+    /// `f(wo, wi) cos θ_i` of all lobes as far as the basis represents it, `c(wo)·B(wi)`.
+    pub fn reflect(&self, material: u32, bsdf: &Bsdf, wo: Vec3, wi: Vec3) -> Color {
+        let count = self.coefficient_count();
+        let (mut lobe, mut values) = (vec![0.0; 3 * count], vec![[0.0; LANES]; count]);
+        self.add_lobes(material, bsdf, wo, &mut lobe);
+        self.basis.values(&[wi; LANES], &mut values);
+        let channel = |c: usize| lobe[c * count..(c + 1) * count].iter().zip(&values).map(|(l, v)| l * v[0]).sum();
+        Color::new(channel(0), channel(1), channel(2))
+    }
+
     /// The matrix of the surface with the material number `material` and the reflectance `bsdf`.
     pub fn matrix(&self, material: u32, bsdf: &Bsdf) -> BrdfMatrix {
-        let build = || {
-            let basis = self.settings.basis.basis(self.settings.order);
-            BrdfMatrix::build(self.settings.basis, basis.as_ref(), |wo, out| self.add_lobes(material, bsdf, wo, out))
-        };
+        let build =
+            || BrdfMatrix::build(self.settings.basis, self.basis.as_ref(), |wo, out| self.add_lobes(material, bsdf, wo, out));
         // The papers' BRDFs have no textures: one matrix serves all points.
         match self.matrices.get(material as usize).filter(|_| bsdf.native_brdf().is_some()) {
             Some(cell) => cell.get_or_init(build).clone(),
@@ -138,12 +146,11 @@ impl GlossyTables {
 
 impl TableSettings {
     /// The coefficients of the cosine over the hemisphere in the basis.
-    pub(super) fn cosine(&self) -> Vec<f32> {
-        let basis = self.basis.basis(self.order);
+    pub(super) fn cosine(&self, basis: &dyn Basis) -> Vec<f32> {
         let mut c = vec![0.0; basis.count()];
         let mut zonal = Vec::new();
         for nodes in gauss_legendre(4 * LANES, 0.0, 1.0).chunks_exact(LANES) {
-            zonal_factors(basis.as_ref(), &std::array::from_fn(|k| nodes[k].0 as f32), &mut zonal);
+            zonal_factors(basis, &std::array::from_fn(|k| nodes[k].0 as f32), &mut zonal);
             for l in 0..self.order {
                 let sum: f64 = (0..LANES).map(|k| TAU * nodes[k].0 * nodes[k].1 * f64::from(zonal[triangle(l, 0)][k])).sum();
                 c[index(l, 0)] += sum as f32;
@@ -158,7 +165,6 @@ mod tests {
     use super::*;
     use crate::material::tables::TableStore;
     use crate::material::{Material, NativeBrdf};
-    use crate::math::Color;
 
     fn tables(kind: BasisKind, brdf: NativeBrdf) -> (GlossyTables, Bsdf) {
         let settings = TableSettings { basis: kind, order: 8, loss: 0.5, padding: true, whole: false };

@@ -72,6 +72,7 @@ pub struct GlossyTables {
     native: Vec<Option<Entry>>,
     /// The GGX lobe at ascending α. Its two parts are what the reflectances at normal and at grazing incidence are multiplied with.
     ggx: Vec<(f32, Entry)>,
+    basis: Box<dyn Basis>,
     /// The cosine over the hemisphere in the basis.
     cosine: Vec<f32>,
     /// For each material the matrix of its BRDF, if it is one of the papers' and was asked for.
@@ -104,7 +105,7 @@ impl GlossyTables {
             })
             .collect();
         let matrices = materials.iter().map(|_| OnceLock::new()).collect();
-        Self { settings, native, ggx, cosine: settings.cosine(), matrices }
+        Self { settings, native, ggx, cosine: settings.cosine(basis.as_ref()), basis, matrices }
     }
 
     /// True if no material has lobes that were tabulated.
