@@ -224,8 +224,9 @@ impl<'a> CachedIntegrator<'a> {
             return None;
         }
         out.gloss = Status::Traced;
+        let albedo = out.surface.filter(|_| bounces == 0).map(|s| s.albedo);
         let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
-        lobe.order = gloss.service.project(&v.point, &v.bsdf, &mut lobe.values)?;
+        lobe.order = gloss.service.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
         let answer = gloss.records.lookup(&v.point, limit, lobe);
         out.lookups += 1;
         let Some(answer) = answer else {

@@ -134,7 +134,7 @@ impl Caches {
                 let looks = views(tracer, settings, &glossy, Some(&service));
                 let appearance: Vec<Appearance> = looks.iter().map(|l| l.2).collect();
                 let lobes = |p: usize, lobe: &mut LobeCoefficients| {
-                    let order = service.project(&points.points.points[p], &looks[p].1, &mut lobe.values);
+                    let order = service.project(&points.points.points[p], &looks[p].1, None, &mut lobe.values);
                     order.map(|n| lobe.order = n).is_some()
                 };
                 let view = GlossyView { points: &points, appearance: &appearance, lobes: &lobes };
