@@ -16,6 +16,7 @@ mod coefficients; // derivatives of radiance coefficients against exact ones
 mod compare; // image metrics
 mod conformance; // glTF files that must load
 mod derivative; // gradients against closed forms
+mod desk; // a folder to run the program in
 mod determinism; // same seed, same bytes
 mod furnace; // closed boxes of known radiance
 mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs

@@ -7,7 +7,7 @@ use crate::bsdfs::{at, bsdf, lafortune, metal, plastic, point};
 use crate::derivative::{LampAndOccluders, occluder, receiver};
 use crate::pictures::{build, cached, difference, own, render};
 use lumicache::basis::{Basis, BasisKind, HSH_COSINE, Hsh, Jet, LANES, Lane, Sh, gauss_legendre};
-use lumicache::cache::Scheme;
+use lumicache::cache::{Refinement, Scheme};
 use lumicache::compare::Report;
 use lumicache::film::{LAYERS, Pixel};
 use lumicache::gather::{Coefficients, Density, HemisphereSamples, Layout, NoDeeper, RadianceGradient};
@@ -387,4 +387,58 @@ fn records_serve_curved_surfaces() {
         assert!(served > 0.8, "{basis:?}: only {served} served");
         assert!((records.mean_ratio.unwrap() - 1.0).abs() < 0.03, "{basis:?}: mean {:?}", records.mean_ratio);
     }
+}
+
+/// Radiance records of `ward-floor` at roughness `alpha`, and the frame they are in.
+fn ward_floor(alpha: f32, change: impl Fn(&mut Scheme)) -> Frame {
+    let mut data = own("ward-floor");
+    for material in &mut data.materials {
+        if let Some(NativeBrdf::WardDuer { alpha_x, alpha_y, .. }) = &mut material.native {
+            (*alpha_x, *alpha_y) = (alpha, alpha);
+        }
+    }
+    let scene = build(data);
+    let mut settings = cached(&scene, "krivanek06", [80, 60], 1);
+    (settings.scheme.rays, settings.scheme.radiance_loss, settings.scheme.levels) = (256, 0.9, 1);
+    change(&mut settings.scheme);
+    render(&scene, &settings)
+}
+
+#[test]
+fn adaptive_records_follow_the_sharpness_of_the_lobe() {
+    let counts = |refinement: Refinement| {
+        [0.6, 0.3, 0.15].map(|alpha| {
+            let frame = ward_floor(alpha, |scheme| scheme.refinement = refinement);
+            let gloss = frame.gloss.as_ref().unwrap();
+            let records = gloss.records.records();
+            let smallest = gloss.records.placement().scheme().error_min;
+            assert!(records.iter().all(|r| r.error >= 0.999 * smallest), "a record went below the smallest error");
+            assert_eq!(gloss.fill.reductions > 0, refinement == Refinement::Weber);
+            records.len()
+        })
+    };
+    let [wide, middle, sharp] = counts(Refinement::Weber);
+    assert!(wide < middle && middle < sharp, "{wide} {middle} {sharp}");
+    assert!(5 * wide < 4 * sharp, "{wide} {sharp}");
+    // Without refinement the lobe does not matter.
+    let [a, b, c] = counts(Refinement::None);
+    assert!(a == b && b == c, "{a} {b} {c}");
+}
+
+#[test]
+fn faint_curved_and_small_gloss_is_left_to_paths() {
+    let share = |name: &str, size: [u32; 2], change: &dyn Fn(&mut Scheme)| {
+        let scene = build(own(name));
+        let mut settings = cached(&scene, "auto", size, 1);
+        (settings.scheme.rays, settings.scheme.radiance_break_even) = (64, 0.0);
+        change(&mut settings.scheme);
+        served(&render(&scene, &settings))
+    };
+    assert!(share("glossy-walk", [40, 40], &|_| ()) > 0.9);
+    assert_eq!(share("glossy-walk", [40, 40], &|s| s.radiance_break_even = 1e6), 0.0);
+    // The wall reflects three quarters of its light by its lobe; the metal floor has no diffuse lobe.
+    let floor = share("glossy-walk", [40, 40], &|s| s.radiance_share = 0.9);
+    assert!((0.1..0.7).contains(&floor), "{floor}");
+    assert!(share("phong-pot", [40, 30], &|_| ()) < 0.05);
+    assert!(share("phong-pot", [40, 30], &|s| s.radiance_curved_order = 14) > 0.8);
 }

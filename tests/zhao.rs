@@ -7,6 +7,7 @@ use lumicache::integrator::{PathTracer, SceneReflector};
 use lumicache::math::{Color, Vec3};
 use lumicache::render::Frame;
 use lumicache::scene::Scene;
+use std::sync::Arc;
 
 /// What makes another scheme of one.
 type Change<'a> = &'a dyn Fn(&mut Scheme);
@@ -65,7 +66,7 @@ fn another_viewer_changes_areas_on_glossy_surfaces_alone_and_back() {
     let scene = build(own("cornell-box-phong"));
     let frame = boxed(&scene, "zhao-view", |_| ());
     let before = records(&frame).to_vec();
-    let mut gloss = frame.gloss.unwrap();
+    let mut gloss = Arc::into_inner(frame.gloss.unwrap()).unwrap();
     let reflector = SceneReflector { tracer: PathTracer { scene: &scene, max_bounces: 2 }, tables: &gloss.tables };
     let eye = Vec3::from(scene.cameras()[0].to_world.translation);
     let mut see = |from: Vec3| -> Vec<f32> {

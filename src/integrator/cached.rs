@@ -234,9 +234,10 @@ impl<'a> CachedIntegrator<'a> {
             return None;
         }
         out.gloss = Status::Traced;
+        let albedo = out.surface.filter(|_| bounces == 0).map(|s| s.albedo);
         let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
         let answer = if gloss.records.hit_storage() == HitStorage::None {
-            lobe.order = gloss.service.project(&v.point, &v.bsdf, &mut lobe.values)?;
+            lobe.order = gloss.service.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
             gloss.records.lookup(&v.point, limit, lobe)
         } else {
             self.tracer.reflect_hits(v, limit, gloss, self.cache)

@@ -4,7 +4,7 @@ use crate::cache::{RadianceCache, Scheme};
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::material::tables::GlossyTables;
-use crate::math::luminance;
+use crate::math::{Color, luminance};
 
 /// The choice between records and paths for a surface's glossy lobes.
 #[derive(Clone, Copy)]
@@ -39,7 +39,7 @@ impl<'a> Service<'a> {
 
     /// The number of bands of a record that serves the glossy lobes of `bsdf` at `at` in the direction `at.wo`; `None` where paths do.
     pub fn record_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<u8> {
-        if !self.worthwhile(at, bsdf) {
+        if !self.worthwhile(at, bsdf, None) {
             return None;
         }
         let record = self.tables.record_order(at, bsdf)?;
@@ -47,9 +47,9 @@ impl<'a> Service<'a> {
         (lobe <= usize::from(self.curved_order)).then_some(record)
     }
 
-    /// Writes the coefficients of those lobes to `out` and returns their order; see [`GlossyTables::project`]. `None` where paths serve them.
-    pub fn project(&self, at: &SurfacePoint, bsdf: &Bsdf, out: &mut Vec<f32>) -> Option<usize> {
-        if !self.worthwhile(at, bsdf) {
+    /// Writes the coefficients of those lobes to `out` and returns their order; see [`GlossyTables::project`]. `None` where paths serve them. `albedo` is that of all lobes towards `at.wo`, if it is known.
+    pub fn project(&self, at: &SurfacePoint, bsdf: &Bsdf, albedo: Option<Color>, out: &mut Vec<f32>) -> Option<usize> {
+        if !self.worthwhile(at, bsdf, albedo) {
             return None;
         }
         if self.is_limited(at) && self.tables.lobe_order(at, bsdf)? > usize::from(self.curved_order) {
@@ -64,7 +64,7 @@ impl<'a> Service<'a> {
     }
 
     /// A faint gloss beside a diffuse lobe makes little noise, whose removal is not worth records that are dearer than those of irradiance.
-    fn worthwhile(&self, at: &SurfacePoint, bsdf: &Bsdf) -> bool {
+    fn worthwhile(&self, at: &SurfacePoint, bsdf: &Bsdf, albedo: Option<Color>) -> bool {
         if !bsdf.has_glossy() || !self.materials[at.material as usize] {
             return false;
         }
@@ -72,7 +72,7 @@ impl<'a> Service<'a> {
             return true;
         }
         let wo = at.frame.to_local(at.wo);
-        let (all, diffuse) = (luminance(bsdf.albedo(wo)), luminance(bsdf.diffuse_albedo(wo)));
+        let (all, diffuse) = (luminance(albedo.unwrap_or_else(|| bsdf.albedo(wo))), luminance(bsdf.diffuse_albedo(wo)));
         all - diffuse >= self.share * all
     }
 }

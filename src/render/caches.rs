@@ -137,7 +137,7 @@ impl Caches {
                 let looks = views(tracer, settings, &glossy, Some(&service));
                 let appearance: Vec<Appearance> = looks.iter().map(|l| l.2).collect();
                 let lobes = |p: usize, lobe: &mut LobeCoefficients| {
-                    let order = service.project(&points.points.points[p], &looks[p].1, &mut lobe.values);
+                    let order = service.project(&points.points.points[p], &looks[p].1, None, &mut lobe.values);
                     order.map(|n| lobe.order = n).is_some()
                 };
                 let view = GlossyView { points: &points, appearance: &appearance, lobes: &lobes };
@@ -147,14 +147,10 @@ impl Caches {
             if settings.scheme.radiance_diffuse {
                 self.cache.share_level(0, gloss.records.placement());
             }
-            self.count(&probe);
+            add(&mut self.gathered, &probe);
         }
-        self.count(&probe);
+        add(&mut self.gathered, &probe);
         Ok(births)
-    }
-
-    fn count(&mut self, probe: &SceneProbe) {
-        self.gathered.iter_mut().zip(probe.counts().totals()).for_each(|(sum, n)| *sum += n);
     }
 
     /// What the pixels see by their first samples. Decides which materials are worth radiance records.
@@ -188,6 +184,11 @@ impl Caches {
         }
         Ok(visible.into_iter().filter(|((_, _, order), diffuse)| *order > 0 || *diffuse).map(|v| v.0).collect())
     }
+}
+
+/// Adds what `probe` has traced to `rays`.
+fn add(rays: &mut [u64; 3], probe: &SceneProbe) {
+    rays.iter_mut().zip(probe.counts().totals()).for_each(|(sum, n)| *sum += n);
 }
 
 /// Frames must not see records change.

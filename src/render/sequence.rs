@@ -61,7 +61,9 @@ pub fn fill_sequence(
         for (camera, growth) in cameras.iter().zip(&mut growth) {
             let start = Instant::now();
             let ((levels, radiance), reductions) = (caches.record_counts(), caches.reductions());
-            caches.fill(scene, &Settings { camera: camera.clone(), ..settings.clone() }, &witnesses, progress)?;
+            // What is worth a record is worth it for all frames together.
+            let spp = settings.spp.saturating_mul(cameras.len() as u32);
+            caches.fill(scene, &Settings { camera: camera.clone(), spp, ..settings.clone() }, &witnesses, progress)?;
             let (levels_now, radiance_now) = caches.record_counts();
             let added = Growth {
                 levels: levels_now.iter().zip(&levels).map(|(now, before)| now - before).collect(),
