@@ -67,7 +67,8 @@ impl<'a> LightPoints<'a> {
             for k in (0..bundle.len()).step_by(choice.every as usize) {
                 let local = bundle.dir_local[k];
                 let direction = from.frame.to_world(local);
-                if bundle.kind[k] == HitKind::Environment && direction.dot(from.ng) > 0.0 {
+                let free = !choice.seen || bundle.kind[k] == HitKind::Environment;
+                if free && direction.dot(from.ng) > 0.0 {
                     let light_pdf = lights.pdf_environment(from.position, Some(from.ng), direction);
                     places.push(sky(direction, local.z, light_pdf));
                 }
