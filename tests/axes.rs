@@ -96,7 +96,7 @@ fn areas_end_at_what_is_near_on_each_side() {
         if t > 0.0 && hit.y.abs() < 0.2 && hit.z < 2.0 { (1.0, t, Vec3::NEG_X) } else { (1.0, 20.0, -w) }
     };
     let probe = World { see, lamp: Vec3::Z, lit: |_| true };
-    let scheme = Scheme { contents: Contents::Indirect, axis_error: 0.0, ..scheme("aric11") };
+    let scheme = Scheme { contents: Contents::Indirect, axis_error: 0.0, max_aspect: 100.0, ..scheme("aric11") };
     let Footprint::Sectors { axis, r } = record(&probe, &scheme).shape else { panic!("no sectors") };
     let towards = (0..SECTORS).find(|k| {
         let (sin, cos) = (std::f32::consts::FRAC_PI_4 * *k as f32).sin_cos();

@@ -322,7 +322,7 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     }
     damaged(b"");
     let mut later = whole.clone();
-    later[8] = 2;
+    later[8] = 99;
     std::fs::write(folder.path().join("c.lumi"), &later).unwrap();
     fails(unsafe { lumi_cache_load(again.0, at("c.lumi").as_ptr(), 0) }, LUMI_ERROR_UNSUPPORTED, "later lumicache");
     fails(unsafe { lumi_cache_load(again.0, at("none.lumi").as_ptr(), 0) }, LUMI_ERROR_IO, "none.lumi");

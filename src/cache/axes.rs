@@ -129,7 +129,7 @@ impl<'a> DirectSamples<'a> {
         let bundle = samples.bundle();
         let choice = |samples: u32, number: u64| {
             let every = if number == 0 { 1 } else { (bundle.len() as u32 / samples).max(1) };
-            LightChoice { samples, every, seed: hash(&[seed, 5, number]) }
+            LightChoice { samples, every, seen: number == 0, seed: hash(&[seed, 5, number]) }
         };
         let mut center = Vec::new();
         probe.lights(at, bundle, choice(scheme.light_rays, 0))?.arriving(&[at.position], &mut center);

@@ -27,8 +27,10 @@ pub trait DirectLight {
 pub struct LightChoice {
     /// Number of light samples.
     pub samples: u32,
-    /// Of the rays of the gather that met the environment, every so many stand for it.
+    /// Of the directions of the gather's rays every so many stand for the environment.
     pub every: u32,
+    /// Only those in which its rays met the environment: enough for the point itself, but beside it others are free.
+    pub seen: bool,
     /// Seed of all choices.
     pub seed: u64,
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// A joining ray ends this share of its length before the light.
 const SHORTENING: f32 = 1e-4;
 
-/// Beside the point that places were chosen for, rays start this share of the way there above the surface: what is flat there may be bent a little.
+/// Beside the point that places were chosen for, light is asked for this share of the way there above the surface: what is flat there may be bent a little.
 const LIFT: f32 = 0.01;
 
 /// A place on a light.
@@ -67,7 +67,8 @@ impl<'a> LightPoints<'a> {
             for k in (0..bundle.len()).step_by(choice.every as usize) {
                 let local = bundle.dir_local[k];
                 let direction = from.frame.to_world(local);
-                if bundle.kind[k] == HitKind::Environment && direction.dot(from.ng) > 0.0 {
+                let free = !choice.seen || bundle.kind[k] == HitKind::Environment;
+                if free && direction.dot(from.ng) > 0.0 {
                     let light_pdf = lights.pdf_environment(from.position, Some(from.ng), direction);
                     places.push(sky(direction, local.z, light_pdf));
                 }
@@ -115,7 +116,7 @@ impl DirectLight for LightPoints<'_> {
             let lift = LIFT * (position - self.from.position).length() * self.from.ng;
             let at = SurfacePoint { position: position + lift, ..self.from };
             for place in &self.places {
-                let (arrival, distance) = place.arrival(self.scene, position);
+                let (arrival, distance) = place.arrival(self.scene, at.position);
                 if arrival.light != Color::ZERO && arrival.dir.dot(at.ng) > 0.0 && arrival.light.is_finite() {
                     let mut ray = self.scene.spawn(&at, arrival.dir);
                     ray.tmax = distance * (1.0 - SHORTENING);
