@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The folder a file named `path` would lie in.
 fn folder(path: &Path) -> &Path {
@@ -46,6 +46,27 @@ pub fn check_writable(path: &Path) -> Result<()> {
         return Err(Error::Io { file: path.to_owned(), source: std::io::ErrorKind::IsADirectory.into() });
     }
     tempfile::Builder::new().prefix(".lumicache-").tempfile_in(folder(path)).map_err(Error::io(path))?;
+    Ok(())
+}
+
+/// Fails when two of `outputs`, whose folders exist, are one file, or one of them is `input`: the later write would lose what was there.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] naming the file.
+pub fn check_distinct(input: &Path, outputs: &[PathBuf]) -> Result<()> {
+    // The file need not exist yet, but its folder does.
+    let place = |path: &Path| Some((folder(path).canonicalize().ok()?, path.file_name()?.to_owned()));
+    let mut known = vec![place(input)];
+    for path in outputs {
+        let place = place(path);
+        if place.is_some() && known.contains(&place) {
+            return Err(Error::InvalidArgument(format!(
+                "{}: one file cannot be two of the scene and the outputs",
+                path.display()
+            )));
+        }
+        known.push(place);
+    }
     Ok(())
 }
 

@@ -42,7 +42,9 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     };
     let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten().map(numbered);
     let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned().map(Ok);
-    pictures.chain(others).try_for_each(|path: Result<PathBuf>| fsutil::check_writable(&path?))?;
+    let outputs: Vec<PathBuf> = pictures.chain(others).collect::<Result<_>>()?;
+    outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
+    fsutil::check_distinct(&arguments.scene, &outputs)?;
     if matches!(arguments.integrator, IntegratorName::Path)
         && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
     {

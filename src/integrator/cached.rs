@@ -9,8 +9,9 @@ use crate::gather::Deeper;
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
 use crate::sampling::Sampler;
+use nix::sys::time::TimeValLike;
+use nix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 /// Shades camera samples by a filled cache.
 pub struct CachedIntegrator<'a> {
@@ -26,7 +27,7 @@ const PATHS: u32 = 8;
 /// Every so many samples the parts of shading are timed, which costs too much to do always.
 const TIMED: usize = 32;
 
-/// Nanoseconds that parts of shading took.
+/// Nanoseconds of its thread that parts of shading took.
 #[derive(Default)]
 struct Spent {
     interpolate: u64,
@@ -36,10 +37,15 @@ struct Spent {
 /// Runs `f`, and adds the nanoseconds it took to `spent` if there is one.
 fn timed<T>(spent: Option<&mut u64>, f: impl FnOnce() -> T) -> T {
     let Some(spent) = spent else { return f() };
-    let start = Instant::now();
+    let start = thread_ns();
     let out = f();
-    *spent += start.elapsed().as_nanos() as u64;
+    *spent += thread_ns().saturating_sub(start);
     out
+}
+
+/// CPU nanoseconds of this thread so far: by the clock on the wall, one sample that another program interrupts would speak for many that it does not.
+fn thread_ns() -> u64 {
+    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(0, |t| t.num_nanoseconds() as u64)
 }
 
 /// A shadow ray under way, for the sample `sample`.
@@ -56,7 +62,7 @@ impl<'a> CachedIntegrator<'a> {
         Self { tracer, cache, gloss, interpolate_ns: AtomicU64::new(0), direct_ns: AtomicU64::new(0) }
     }
 
-    /// Thread seconds spent on cache lookups and on direct light so far, estimated from every 32nd sample.
+    /// CPU seconds spent on cache lookups and on direct light so far, estimated from every 32nd sample.
     pub fn seconds(&self) -> [f64; 2] {
         [&self.interpolate_ns, &self.direct_ns].map(|ns| ns.load(Ordering::Relaxed) as f64 * 1e-9)
     }

@@ -162,7 +162,7 @@ pub enum Integrator<'a> {
 }
 
 impl Integrator<'_> {
-    /// Thread seconds spent on cache lookups and on direct light; zero where they are not told apart.
+    /// CPU seconds spent on cache lookups and on direct light; zero where they are not told apart.
     pub fn seconds(&self) -> [f64; 2] {
         match self {
             Self::Path(_) | Self::Bidirectional(_) => [0.0; 2],

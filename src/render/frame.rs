@@ -33,7 +33,7 @@ pub struct Frame {
     pub gloss: Option<Arc<Gloss>>,
     /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
     pub gathered: [u64; 3],
-    /// Thread seconds of rendering spent on cache lookups and on direct light.
+    /// CPU seconds of rendering spent on cache lookups and on direct light.
     pub shading_seconds: [f64; 2],
     /// The frame was cancelled and holds the samples so far.
     pub cancelled: bool,
