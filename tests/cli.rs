@@ -13,25 +13,25 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Options with which a render takes a blink.
-const QUICK: &[&str] = &["--size", "32x24", "--rays", "16", "--error", "1", "--set", "levels=1"];
+pub const QUICK: &[&str] = &["--size", "32x24", "--rays", "16", "--error", "1", "--set", "levels=1"];
 /// How long a busy machine may take to start the program, and it to find what is wrong.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// A render that nobody waits for.
 const ENDLESS: &[&str] = &["--size", "640x480", "--spp", "1000000"];
 
-fn scene(name: &str) -> String {
+pub fn scene(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.gltf")).to_str().unwrap().to_owned()
 }
 
 /// A folder to run the program in, empty at first.
-struct Desk(TempDir);
+pub struct Desk(TempDir);
 
 impl Desk {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
@@ -41,12 +41,12 @@ impl Desk {
         command
     }
 
-    fn run(&self, arguments: &[&str]) -> Output {
+    pub fn run(&self, arguments: &[&str]) -> Output {
         self.command(arguments).output().unwrap()
     }
 
     /// Runs what must succeed, and returns what it prints.
-    fn print(&self, arguments: &[&str]) -> String {
+    pub fn print(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
         assert_eq!(text(&output.stderr), "", "{arguments:?}");
@@ -62,7 +62,7 @@ impl Desk {
     }
 
     /// Runs what must fail with one line that contains `words` and leave no file behind.
-    fn fail(&self, arguments: &[&str], words: &[&str]) {
+    pub fn fail(&self, arguments: &[&str], words: &[&str]) {
         let before = self.files();
         let mut child = self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let started = Instant::now();
@@ -86,19 +86,19 @@ impl Desk {
     }
 
     /// The names of all files, hidden ones too.
-    fn files(&self) -> Vec<String> {
+    pub fn files(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap().map(|e| e.unwrap());
         let mut names: Vec<_> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
     }
 
-    fn json(&self, name: &str) -> Value {
+    pub fn json(&self, name: &str) -> Value {
         serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
     }
 }
 
-fn text(bytes: &[u8]) -> String {
+pub fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
@@ -572,44 +572,4 @@ fn an_interrupt_during_the_fill_is_heeded() {
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
     let layers = exr::read(&desk.path("out.exr")).unwrap();
     assert_eq!((layers.width, layers.attribute("cancelled")), (640, Some(&Attribute::Int(1))));
-}
-
-#[test]
-fn a_sequence_is_numbered_and_its_records_are_counted() {
-    let desk = Desk::new();
-    let walk = scene("glossy-walk");
-    let sequence = [&["render", &walk, "--spp", "1", "--preview", "p.png", "--stats", "s.json"], QUICK].concat();
-    let table = desk.print(&[&sequence[..], &["--frames", "3..5", "-o", "a.%02d.exr"]].concat());
-    assert_eq!(desk.files(), ["a.03.exr", "a.04.exr", "a.05.exr", "p.0003.png", "p.0004.png", "p.0005.png", "s.json"]);
-    assert_eq!(table.lines().count(), 4, "{table}");
-    let stats = desk.json("s.json");
-    let frames = stats["frames"].as_array().unwrap();
-    let records = |k: usize| frames[k]["new_records"].as_u64().unwrap();
-    assert_eq!(frames.iter().map(|f| f["frame"].as_u64().unwrap()).collect::<Vec<_>>(), [3, 4, 5]);
-    assert_eq!(records(0) + records(1) + records(2), stats["records"].as_u64().unwrap());
-    assert!(records(0) > 4 * records(1), "{table}");
-    let place = |name: &str| exr::read(&desk.path(name)).unwrap().attributes;
-    assert!(place("a.03.exr") != place("a.05.exr"), "the camera has moved");
-    // Paths need no records, and quiet runs say nothing.
-    let paths = [&["render", &walk, "--integrator", "path", "--spp", "1", "--quiet"], &QUICK[..2]].concat();
-    assert_eq!(desk.print(&[&paths[..], &["--frames", "7", "--fps", "12"]].concat()), "");
-    assert!(desk.files().contains(&"glossy-walk.0007.exr".to_owned()));
-}
-
-#[test]
-fn a_sequence_that_cannot_be_is_refused() {
-    let desk = Desk::new();
-    let frames = |name: &str, more: &[&str]| {
-        let arguments = ["render", &scene(name), "--frames", "1..3"].map(str::to_owned);
-        arguments.into_iter().chain(more.iter().map(|s| (*s).to_owned())).collect::<Vec<_>>()
-    };
-    let fail =
-        |arguments: Vec<String>, words: &[&str]| desk.fail(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
-    fail(frames("cornell-box", &[]), &["cornell-box.gltf", "camera `camera`", "animation"]);
-    fail(frames("glossy-walk", &["-o", "a.%s.exr"]), &["a.%s.exr", "%04d"]);
-    fail(frames("glossy-walk", &["-o", "nowhere/a.exr"]), &["nowhere/a.0001.exr"]);
-    for bad in [&["--frames", "3..1"][..], &["--frames", "1..3", "--fps", "0"]] {
-        let output = desk.run(&[&["render", &scene("glossy-walk")], bad].concat());
-        assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
-    }
 }
