@@ -132,7 +132,8 @@ impl RadianceCache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let stats = self.cache.fill_radiance(probe, points, deeper, &self.maker, &mut self.records, seed, progress)?;
+        let stats =
+            self.cache.fill_radiance(&Sources { probe, deeper }, points, &self.maker, &mut self.records, seed, progress)?;
         self.rescale();
         Ok(stats)
     }
