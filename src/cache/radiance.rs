@@ -113,7 +113,7 @@ impl RadianceCache {
         let order = usize::from(scheme.radiance_order);
         let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
-        let (kind, gradient) = (scheme.radiance_basis, scheme.radiance_gradient);
+        let (kind, gradient) = (scheme.radiance_basis, scheme.usable_radiance_gradient());
         let maker = Maker { kind, bases, gradient, rotation: OnceLock::new(), cosine };
         let padding = scheme.radiance_padding;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);

@@ -213,7 +213,7 @@ pub struct Scheme {
     pub radiance_basis: BasisKind,
     /// Largest share of a lobe's energy that its representation may lose [Krivanek05, Sec. 4.1]; a relative RMS error of e is e².
     pub radiance_loss: f32,
-    /// How the translational gradient of radiance records is estimated.
+    /// How the translational gradient of radiance records is estimated. `boundary` needs strata `polar`; `per-sample` takes its place on others.
     pub radiance_gradient: RadianceGradient,
     /// Density of the rays of radiance records.
     pub radiance_density: Density,
@@ -272,6 +272,14 @@ impl Scheme {
         self.metric == Metric::Hessian
             || self.translational_gradient == TranslationalGradient::Triangulated
             || self.extrapolation == Extrapolation::Second
+    }
+
+    /// How the translational gradient of radiance records is estimated with the strata that there are.
+    pub(super) fn usable_radiance_gradient(&self) -> RadianceGradient {
+        match (self.radiance_gradient, self.strata) {
+            (RadianceGradient::Boundary, Strata::Concentric) => RadianceGradient::PerSample,
+            (gradient, _) => gradient,
+        }
     }
 
     /// The scheme by which radiance records are placed.
@@ -397,10 +405,6 @@ impl Scheme {
         }
         if !(0.0..=1.0).contains(&self.radiance_share) {
             return fail("setting `radiance_share` must be from 0 to 1");
-        }
-        let radiance = self.radiance_order > 0;
-        if radiance && self.radiance_gradient == RadianceGradient::Boundary && self.strata != Strata::Polar {
-            return fail("the radiance gradient `boundary` needs strata `polar`");
         }
         if self.triangulates() && self.strata != Strata::Concentric {
             return fail(
