@@ -1,8 +1,10 @@
 //! Cameras that move: read from glTF, and rendered with records that all frames share.
 
+use crate::desk::{Desk, QUICK, scene, text};
 use crate::gltf_maker::{Gltf, floats, shorts, triangle};
 use crate::pictures::{build, cached, difference, own};
 use lumicache::camera::Camera;
+use lumicache::imagefile::exr;
 use lumicache::math::Vec3;
 use lumicache::progress::Progress;
 use lumicache::render::{Caches, Clock, Settings, fill_sequence, frame_from};
@@ -176,5 +178,45 @@ fn frames_share_records() {
     let (_, _, again) = run(1);
     for (a, b) in pictures.iter().zip(&again) {
         assert!(a.film.radiance() == b.film.radiance(), "the picture depends on the number of threads");
+    }
+}
+
+#[test]
+fn a_sequence_is_numbered_and_its_records_are_counted() {
+    let desk = Desk::new();
+    let walk = scene("glossy-walk");
+    let sequence = [&["render", &walk, "--spp", "1", "--preview", "p.png", "--stats", "s.json"], QUICK].concat();
+    let table = desk.print(&[&sequence[..], &["--frames", "3..5", "-o", "a.%02d.exr"]].concat());
+    assert_eq!(desk.files(), ["a.03.exr", "a.04.exr", "a.05.exr", "p.0003.png", "p.0004.png", "p.0005.png", "s.json"]);
+    assert_eq!(table.lines().count(), 4, "{table}");
+    let stats = desk.json("s.json");
+    let frames = stats["frames"].as_array().unwrap();
+    let records = |k: usize| frames[k]["new_records"].as_u64().unwrap();
+    assert_eq!(frames.iter().map(|f| f["frame"].as_u64().unwrap()).collect::<Vec<_>>(), [3, 4, 5]);
+    assert_eq!(records(0) + records(1) + records(2), stats["records"].as_u64().unwrap());
+    assert!(records(0) > 4 * records(1), "{table}");
+    let place = |name: &str| exr::read(&desk.path(name)).unwrap().attributes;
+    assert!(place("a.03.exr") != place("a.05.exr"), "the camera has moved");
+    // Paths need no records, and quiet runs say nothing.
+    let paths = [&["render", &walk, "--integrator", "path", "--spp", "1", "--quiet"], &QUICK[..2]].concat();
+    assert_eq!(desk.print(&[&paths[..], &["--frames", "7", "--fps", "12"]].concat()), "");
+    assert!(desk.files().contains(&"glossy-walk.0007.exr".to_owned()));
+}
+
+#[test]
+fn a_sequence_that_cannot_be_is_refused() {
+    let desk = Desk::new();
+    let frames = |name: &str, more: &[&str]| {
+        let arguments = ["render", &scene(name), "--frames", "1..3"].map(str::to_owned);
+        arguments.into_iter().chain(more.iter().map(|s| (*s).to_owned())).collect::<Vec<_>>()
+    };
+    let fail =
+        |arguments: Vec<String>, words: &[&str]| desk.fail(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    fail(frames("cornell-box", &[]), &["cornell-box.gltf", "camera `camera`", "animation"]);
+    fail(frames("glossy-walk", &["-o", "a.%s.exr"]), &["a.%s.exr", "%04d"]);
+    fail(frames("glossy-walk", &["-o", "nowhere/a.exr"]), &["nowhere/a.0001.exr"]);
+    for bad in [&["--frames", "3..1"][..], &["--frames", "1..3", "--fps", "0"]] {
+        let output = desk.run(&[&["render", &scene("glossy-walk")], bad].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
     }
 }

@@ -1,6 +1,6 @@
 //! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
 
-use super::radiance::{Making, Radiance, RadiancePoints};
+use super::radiance::{Making, Radiance, RadiancePoints, Sources};
 use super::record::clamp_to_neighbours;
 use super::{Cache, Contents, DirectSamples, Envelope, FootprintKind, Index, Level, Reach, Record};
 use crate::error::{Error, Result};
@@ -155,13 +155,11 @@ impl Cache {
         Ok((self.finish(level, records), stats))
     }
 
-    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Indirect light at the hits comes from
-    /// `deeper`.
+    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Light comes from `sources`.
     pub(super) fn fill_radiance(
         &mut self,
-        probe: &dyn RadianceProbe,
+        sources: &Sources,
         points: &RadiancePoints,
-        deeper: &Cache,
         making: Making,
         radiance: &mut Vec<Radiance>,
         seed: u64,
@@ -169,7 +167,8 @@ impl Cache {
     ) -> Result<FillStats> {
         let before = self.level(0).map_or_else(Vec::new, |l| l.records().to_vec());
         let made = std::mem::take(radiance);
-        let mut filling = Filling::new(self, probe, 0, hash(&[seed, 3]), before).with_radiance(deeper, making, made);
+        let mut filling =
+            Filling::new(self, sources.probe, 0, hash(&[seed, 3]), before).with_radiance(sources.deeper, making, made);
         let outcome = filling.run(&points.points, &points.orders, progress);
         let Filling { records, radiance: made, stats, .. } = filling;
         *radiance = made;

@@ -152,7 +152,8 @@ impl RadianceCache {
         progress: &Progress,
     ) -> Result<FillStats> {
         let making = Making { maker: &self.maker, reflector };
-        let stats = self.cache.fill_radiance(probe, points, deeper, making, &mut self.records, seed, progress)?;
+        let sources = Sources { probe, deeper, reflector };
+        let stats = self.cache.fill_radiance(&sources, points, making, &mut self.records, seed, progress)?;
         self.rescale();
         Ok(stats)
     }

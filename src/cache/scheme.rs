@@ -252,7 +252,7 @@ pub struct Scheme {
     pub radiance_basis: BasisKind,
     /// Largest share of a lobe's energy that its representation may lose [Krivanek05, Sec. 4.1]; a relative RMS error of e is e².
     pub radiance_loss: f32,
-    /// How the translational gradient of radiance records is estimated.
+    /// How the translational gradient of radiance records is estimated. `boundary` needs strata `polar`; `per-sample` takes its place on others.
     pub radiance_gradient: RadianceGradient,
     /// Density of the rays of radiance records.
     pub radiance_density: Density,
@@ -336,6 +336,14 @@ impl Scheme {
                 || self.hit_change != HitChange::None)
     }
 
+    /// How the translational gradient of radiance records is estimated with the strata that there are.
+    fn usable_radiance_gradient(&self) -> RadianceGradient {
+        match (self.radiance_gradient, self.strata) {
+            (RadianceGradient::Boundary, Strata::Concentric) => RadianceGradient::PerSample,
+            (gradient, _) => gradient,
+        }
+    }
+
     /// The scheme by which radiance records are placed.
     pub(super) fn for_radiance(&self) -> Self {
         let metric = match self.radiance_metric {
@@ -347,6 +355,7 @@ impl Scheme {
             metric,
             rays: (self.rays as f32 * self.radiance_rays).round().clamp(16.0, 1e6) as u32,
             density: self.radiance_density,
+            radiance_gradient: self.usable_radiance_gradient(),
             error: self.error * self.radiance_error,
             levels: 1,
             // Their gloss needs its own direct light anyway.
@@ -474,10 +483,6 @@ impl Scheme {
         }
         if !(0.0..=1.0).contains(&self.radiance_share) {
             return fail("setting `radiance_share` must be from 0 to 1");
-        }
-        let radiance = self.radiance_order > 0;
-        if radiance && self.radiance_gradient == RadianceGradient::Boundary && self.strata != Strata::Polar {
-            return fail("the radiance gradient `boundary` needs strata `polar`");
         }
         if self.triangulates_radiance() {
             let whole = self.radiance_gradient == RadianceGradient::Triangulated && self.radiance_basis == BasisKind::Sh;

@@ -49,7 +49,8 @@ pub fn numbered(path: &Path, number: u32) -> Result<PathBuf> {
     let Some((width, after)) = after.split_once('d').filter(|(w, rest)| w.len() <= 2 && !rest.contains('%')) else {
         return fault("`%` in the name of a sequence must be one frame number, such as %04d");
     };
-    if !width.is_empty() && !(width.starts_with('0') && width.len() == 2 && width.ends_with(|c: char| c.is_ascii_digit())) {
+    let padded = width.strip_prefix('0').is_some_and(|n| n.len() == 1 && n.starts_with(|c: char| c.is_ascii_digit()));
+    if !(width.is_empty() || padded) {
         return fault("a frame number is written %d, or %04d with a digit of your choice");
     }
     let width = width.parse::<usize>().unwrap_or(0);
