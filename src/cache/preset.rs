@@ -293,7 +293,7 @@ fn auto() -> Scheme {
         radiance_density: Density::Uniform,
         radiance_error: 0.5,
         radiance_share: 0.2,
-        radiance_break_even: 128.0,
+        radiance_break_even: 64.0,
         radiance_curved_order: 4,
         ..ward_heckbert92()
     }
