@@ -243,8 +243,12 @@ pub(super) fn fit(
         let quadratics = loop {
             let values = fit.along(k, lengths[k], end);
             let (quadratics, error) = fit.quadratics(&values);
-            if scheme.axis_error <= 0.0 || error <= scheme.axis_error || lengths[k] <= shortest {
+            if scheme.axis_error <= 0.0 || error <= scheme.axis_error {
                 break quadratics;
+            }
+            if lengths[k] <= shortest {
+                // The end may lie behind a wall, in another light: better no change than a wrong one.
+                break [Quadratic::default(); 2];
             }
             // The new end was a point of the test.
             end = (SHORTER * lengths[k] > shortest).then_some(values[2]);
