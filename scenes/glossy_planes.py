@@ -9,6 +9,7 @@ def two_glossy_planes():
         "two-glossy-planes",
         "Two glossy planes",
         (480, 360),
+        flags="--exposure -4",
         notes="A Phong floor that reflects a Phong wall outside the picture: radiance from the wall changes with the point it is seen from.",
     )
     floor = s.material("floor", (0.1, 0.1, 0.1), native=phong(0.1, 0.6, 5.0), double=True)

@@ -110,7 +110,7 @@ def metal_hall():
         "metal-hall",
         "A building with curved metal walls",
         (800, 500),
-        flags="--sky clear,azimuth=215,elevation=40,illuminance=10000,sun-illuminance=60000 --exposure -13",
+        flags="--sky clear,azimuth=215,elevation=40,illuminance=10000,sun-illuminance=60000 --exposure -14",
         notes="Curved walls of brushed metal (Phong, exponent 12) over a plaza, for sun and sky: they mirror the ground and each other.",
     )
     s.add("plaza", Shape().face((-40, 0, 40), (40, 0, 40), (40, 0, -40), (-40, 0, -40)),
