@@ -39,23 +39,18 @@ impl<'a> Service<'a> {
 
     /// The number of bands of a record that serves the glossy lobes of `bsdf` at `at` in the direction `at.wo`; `None` where paths do.
     pub fn record_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<u8> {
-        if !self.worthwhile(at, bsdf, None) {
-            return None;
-        }
-        let record = self.tables.record_order(at, bsdf)?;
-        let lobe = if self.is_limited(at) { self.tables.lobe_order(at, bsdf)? } else { 0 };
-        (lobe <= usize::from(self.curved_order)).then_some(record)
+        self.admits(at, bsdf, None).then(|| self.tables.record_order(at, bsdf))?
     }
 
     /// Writes the coefficients of those lobes to `out` and returns their order; see [`GlossyTables::project`]. `None` where paths serve them. `albedo` is that of all lobes towards `at.wo`, if it is known.
     pub fn project(&self, at: &SurfacePoint, bsdf: &Bsdf, albedo: Option<Color>, out: &mut Vec<f32>) -> Option<usize> {
-        if !self.worthwhile(at, bsdf, albedo) {
-            return None;
-        }
-        if self.is_limited(at) && self.tables.lobe_order(at, bsdf)? > usize::from(self.curved_order) {
-            return None;
-        }
-        self.tables.project(at.material, bsdf, at.frame.to_local(at.wo), out)
+        self.admits(at, bsdf, albedo).then(|| self.tables.project(at.material, bsdf, at.frame.to_local(at.wo), out))?
+    }
+
+    /// True unless records cost more there than they are worth.
+    fn admits(&self, at: &SurfacePoint, bsdf: &Bsdf, albedo: Option<Color>) -> bool {
+        let affordable = |order: usize| order <= usize::from(self.curved_order);
+        self.worthwhile(at, bsdf, albedo) && (!self.is_limited(at) || self.tables.lobe_order(at, bsdf).is_some_and(affordable))
     }
 
     /// Records in another frame than the point's cost a rotation of the lobe for each of them, which grows with the cube of its order: beyond some order a path is cheaper.
