@@ -150,7 +150,7 @@ fn frames_share_records() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut caches = Caches::new(&scene, &settings, None);
+            let mut caches = Caches::new(&scene, &settings.scheme, settings.max_bounces, None);
             let growth = fill_sequence(&scene, &settings, &cameras, &mut caches, &Progress::default()).unwrap();
             let pictures: Vec<_> = cameras
                 .iter()

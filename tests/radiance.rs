@@ -411,10 +411,10 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
         [(0.6, 0.05), (0.3, 0.3), (0.15, 0.6)].map(|(alpha, loss)| {
             let frame = ward_floor(alpha, loss, |scheme| scheme.refinement = refinement);
             let gloss = frame.gloss.as_ref().unwrap();
-            let records = gloss.records.records();
-            let smallest = gloss.records.placement().scheme().error_min;
+            let records = gloss.levels[0].records();
+            let smallest = gloss.levels[0].placement().scheme().error_min;
             assert!(records.iter().all(|r| r.error >= 0.999 * smallest), "a record went below the smallest error");
-            assert_eq!(gloss.fill.reductions > 0, refinement == Refinement::Weber);
+            assert_eq!(gloss.fill[0].reductions > 0, refinement == Refinement::Weber);
             records.len() as f32
         })
     };

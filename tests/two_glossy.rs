@@ -4,15 +4,18 @@ use crate::pictures::{build, cached, difference, own, render, settings};
 use crate::radiance::{layer, norm, off};
 use lumicache::accel::Ray;
 use lumicache::basis::{Basis, BasisKind, Sh};
-use lumicache::cache::{HitStorage, Scheme};
-use lumicache::gather::{Density, HemisphereSamples, HitChange, Layout, NoDeeper, TriangleRadiance};
+use lumicache::cache::{Cache, HitStorage, LevelPoints, Preset, RadiancePoints, Scheme};
+use lumicache::gather::{
+    Bundle, Deeper, Density, HemisphereSamples, HitChange, Layout, NoDeeper, RadianceProbe, TriangleRadiance,
+};
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::Layers;
-use lumicache::integrator::{PathTracer, SceneProbe};
+use lumicache::integrator::{self, PathTracer, SceneProbe};
 use lumicache::material::tables::{GlossyTables, TableSettings, TableStore};
 use lumicache::material::{Material, NativeBrdf};
 use lumicache::math::{Color, Vec3};
-use lumicache::render::{IntegratorKind, Settings};
+use lumicache::progress::Progress;
+use lumicache::render::{Gloss, IntegratorKind, Settings};
 use lumicache::scene::Scene;
 
 /// The two planes with the wall made of `wall`, and a point of the floor.
@@ -121,6 +124,68 @@ fn harmonics_of_the_hit_s_lobe_tell_its_change_where_they_represent_it() {
     let [none, frozen, harmonics]: [[Vec<f64>; 2]; 3] = [HitChange::None, HitChange::Frozen, HitChange::Harmonics].map(of);
     println!("{:.3} from frozen samples, {:.3} without any", off(&harmonics, &frozen), off(&none, &frozen));
     assert!(off(&harmonics, &frozen) < 0.1 && off(&none, &frozen) > 0.3);
+}
+
+/// Light from far away that grows brighter towards one side.
+struct Dawn;
+
+impl RadianceProbe for Dawn {
+    fn incoming(&self, from: &SurfacePoint, _: u8, _: &dyn Deeper, bundle: &mut Bundle) {
+        let of = |w: &Vec3| Color::splat((1.0 + from.frame.to_world(*w).dot(Vec3::new(0.3, 0.6, 0.2))).powi(4));
+        bundle.radiance = bundle.dir_local.iter().map(of).collect();
+        bundle.distance.fill(100.0);
+    }
+}
+
+#[test]
+fn records_at_the_hits_tell_how_the_light_they_know_changes() {
+    let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.8), exponent: 8.0 };
+    let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
+    let scheme = Scheme { radiance_levels: 2, noise: 0.0, ..Preset::by_name("zhao-incoming").unwrap().scheme() };
+    let mut gloss = Gloss::new(&scene, &scheme, u32::MAX).unwrap();
+    let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
+    let at = floor(&scene, PLACE[0], PLACE[1]);
+    let hits = tracer.next_cached(&[at], 16_384, 1, Some(&gloss.service(&scheme)));
+    let (points, orders) = hits.into_iter().map(|(point, _)| (point, scheme.radiance_order)).unzip();
+    let points = RadiancePoints { points: LevelPoints { points, round: 0 }, orders };
+    let cache = Cache::new(scheme.clone(), u32::MAX, scene.size());
+    gloss.levels[1].fill(&Dawn, &points, &cache, None, 1, &Progress::default()).unwrap();
+    assert!(gloss.levels[1].records().len() > 3, "{} records behind the first level", gloss.levels[1].records().len());
+    // What the light sends to a hit straight away does not matter here: it would hide the rest.
+    let behind = integrator::Gloss { records: &gloss.levels[1..], ..gloss.shading(&scheme) };
+    let [direct, whole] = [None, Some(behind)].map(|known| {
+        let tracer = if known.is_none() { PathTracer { max_bounces: 1, ..tracer } } else { tracer };
+        SceneProbe::new(tracer).with_tables(Some(&gloss.tables)).with_gloss(known)
+    });
+    let basis = Sh::new(5);
+    let gather = |probe: &SceneProbe, at: &SurfacePoint, n: u32, how: HitChange| {
+        let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine).with_change(how);
+        samples.gather(probe, at, 0, &NoDeeper, 7);
+        samples
+    };
+    let indirect =
+        |f: &dyn Fn(&SceneProbe) -> Vec<f64>| -> Vec<f64> { f(&whole).iter().zip(f(&direct)).map(|(a, b)| a - b).collect() };
+    let [without, with] = [HitChange::None, HitChange::Harmonics].map(|how| {
+        [0, 1].map(|k| {
+            indirect(&|probe| {
+                let d = gather(probe, &at, 128, how).radiance_derivatives(&basis, TriangleRadiance::Hybrid, false);
+                d.gradient[k].iter().map(|x| f64::from(*x)).collect()
+            })
+        })
+    });
+    let h = 0.01;
+    let expected = [at.frame.s, at.frame.t].map(|axis| {
+        indirect(&|probe| {
+            let [ahead, behind] = [h, -h].map(|h| {
+                let moved = h * axis;
+                gather(probe, &floor(&scene, PLACE[0] + moved.x, PLACE[1] + moved.z), 400, HitChange::None).project(&basis)
+            });
+            (0..basis.count()).map(|i| f64::from(ahead[i] - behind[i]) / f64::from(2.0 * h)).collect()
+        })
+    });
+    let [without, with] = [without, with].map(|g| off(&g, &expected));
+    println!("light that records know: gradient off by {without:.3} without its change, {with:.3} with it");
+    assert!(with < 0.15 && without > 4.0 * with, "{without} {with}");
 }
 
 #[test]

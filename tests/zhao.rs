@@ -26,7 +26,7 @@ fn boxed(scene: &Scene, preset: &str, change: impl Fn(&mut Scheme)) -> Frame {
 }
 
 fn records(frame: &Frame) -> &[Record] {
-    frame.gloss.as_ref().unwrap().records.records()
+    frame.gloss.as_ref().unwrap().levels[0].records()
 }
 
 fn on_back_wall(r: &Record) -> bool {
@@ -70,9 +70,9 @@ fn another_viewer_changes_areas_on_glossy_surfaces_alone_and_back() {
     let reflector = SceneReflector { tracer: PathTracer { scene: &scene, max_bounces: 2 }, tables: &gloss.tables };
     let eye = Vec3::from(scene.cameras()[0].to_world.translation);
     let mut see = |from: Vec3| -> Vec<f32> {
-        gloss.records.see_from(&reflector, &|x| (from - x).normalize());
+        gloss.levels[0].see_from(&reflector, &|x| (from - x).normalize());
         let ratios =
-            gloss.records.records().iter().zip(&before).map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
+            gloss.levels[0].records().iter().zip(&before).map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
         ratios.collect()
     };
     // The eye that they were made for.
@@ -93,8 +93,8 @@ fn records_are_as_large_as_they_should_be() {
         let frame = boxed(&scene, "zhao-incoming", change);
         let gloss = frame.gloss.as_ref().unwrap();
         // What is there besides the coefficients, the irradiance and its index, is left out.
-        let rest = gloss.records.placement().level(0).unwrap().bytes();
-        ((gloss.records.bytes() - rest) as f64 / records(&frame).len() as f64, frame)
+        let rest = gloss.levels[0].placement().level(0).unwrap().bytes();
+        ((gloss.levels[0].bytes() - rest) as f64 / records(&frame).len() as f64, frame)
     };
     let (first, single) = each(&|_| ());
     let (second, _) = each(&|s| s.extrapolation = Extrapolation::Second);

@@ -92,7 +92,7 @@ int main(int argc, char **argv) try {
     const float smallest = argc > 1 ? std::stof(argv[1]) : 0.0025f;
     lumi_device device;
     lumi_scene scene;
-    check(lumi_device_new(LUMI_ABI_VERSION, "threads=2", &device));
+    check(lumi_device_new(LUMI_ABI_VERSION, "threads=1", &device));
     check(lumi_scene_new(device, &scene));
     lumi_host_desc host{};
     host.struct_size = sizeof host;

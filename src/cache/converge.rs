@@ -139,7 +139,7 @@ impl Cache {
 }
 
 impl Cache {
-    /// As [`Cache::converge`] of the first level, whose records hold `radiance`; returns that of the records that there are then.
+    /// As [`Cache::converge`] of a level whose records hold `radiance`; returns that of the records that there are then.
     pub(super) fn converge_radiance(
         &mut self,
         view: &GlossyView,
@@ -154,14 +154,15 @@ impl Cache {
             let (p, a) = (points.points.len(), appearance.len());
             return Err(Error::InvalidArgument(format!("{p} shading points cannot have {a} appearances")));
         }
-        let Some(filled) = self.levels[0].take() else { return Ok((radiance, FillStats::default())) };
-        let resumed = Filling::resume(self, sources.probe, 0, hash(&[seed, 3]), filled.records().to_vec());
+        let level = making.maker.level;
+        let Some(filled) = self.levels[usize::from(level)].take() else { return Ok((radiance, FillStats::default())) };
+        let resumed = Filling::resume(self, sources.probe, level, hash(&[seed, 3]), filled.records().to_vec());
         let filling = resumed.with_radiance(sources.deeper, making, radiance);
         let outgoing = Outgoing::Glossy { lobes, maker: making.maker, padding };
         let mut convergence = Convergence::new(self, filling, (&points.points, orders), appearance, outgoing);
         convergence.run(progress)?;
         let Filling { records, radiance, stats, .. } = convergence.filling;
-        self.levels[0] = Some(Arc::new(self.finish(0, records)));
+        self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
         Ok((radiance, stats))
     }
 }

@@ -155,7 +155,7 @@ impl Cache {
         Ok((self.finish(level, records), stats))
     }
 
-    /// As [`Cache::fill`] of the first level, with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Light comes from `sources`.
+    /// As [`Cache::fill`], with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Light comes from `sources`.
     pub(super) fn fill_radiance(
         &mut self,
         sources: &Sources,
@@ -165,18 +165,19 @@ impl Cache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let before = self.level(0).map_or_else(Vec::new, |l| l.records().to_vec());
+        let level = making.maker.level;
+        let before = self.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
         let made = std::mem::take(radiance);
         let mut filling =
-            Filling::new(self, sources.probe, 0, hash(&[seed, 3]), before).with_radiance(sources.deeper, making, made);
+            Filling::new(self, sources.probe, level, hash(&[seed, 3]), before).with_radiance(sources.deeper, making, made);
         let outcome = filling.run(&points.points, &points.orders, progress);
         let Filling { records, radiance: made, stats, .. } = filling;
         *radiance = made;
         if let Err(error) = outcome {
-            radiance.truncate(self.level(0).map_or(0, |l| l.records().len()));
+            radiance.truncate(self.level(level).map_or(0, |l| l.records().len()));
             return Err(error);
         }
-        self.levels[0] = Some(Arc::new(self.finish(0, records)));
+        self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
         Ok(stats)
     }
 

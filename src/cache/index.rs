@@ -52,6 +52,9 @@ const MAX_DEPTH: u32 = 20;
 /// An immutable snapshot of the records of one level, ready for lookups from any thread.
 pub struct Index {
     center: Vec3,
+    /// Half the size of the box around all areas: a batch of late records is small, and most questions are not for it.
+    extent: Vec3,
+    /// Half the width of the root.
     half: f32,
     nodes: Vec<Node>,
     entries: Vec<Entry>,
@@ -151,13 +154,15 @@ impl Index {
         if axes.iter().all(Option::is_none) {
             axes = Vec::new();
         }
-        let (center, half) = if bounds.is_empty() {
-            (Vec3::ZERO, 0.0)
+        let (center, extent) = if bounds.is_empty() {
+            (Vec3::ZERO, Vec3::ZERO)
         } else {
-            (bounds.center(), 0.5 * (bounds.max - bounds.min).max_element() * 1.0001)
+            (bounds.center(), 0.5 * (bounds.max - bounds.min) * 1.0001)
         };
+        let half = extent.max_element();
         let mut index = Self {
             center,
+            extent,
             half,
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
@@ -209,7 +214,7 @@ impl Index {
     #[inline]
     fn leaf(&self, p: Vec3) -> &[Entry] {
         let mut offset = p - self.center;
-        if offset.abs().max_element() > self.half {
+        if offset.abs().cmpgt(self.extent).any() {
             return &[];
         }
         let (mut node, mut half) = (0, self.half);

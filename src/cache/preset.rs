@@ -81,6 +81,7 @@ fn ward88() -> Scheme {
         passes: 1,
         order: Order::Scanline,
         radiance_order: 0,
+        radiance_levels: 1,
         radiance_basis: BasisKind::Hsh,
         radiance_loss: 0.05,
         radiance_gradient: RadianceGradient::Boundary,

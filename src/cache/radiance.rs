@@ -14,9 +14,10 @@ use crate::math::{Color, Frame, Vec2, Vec3, luminance};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// What a record holds besides its irradiance.
+#[derive(Clone)]
 pub(super) struct Radiance {
     /// The frame of its tangents.
     frame: Frame,
@@ -34,6 +35,7 @@ pub(super) struct Radiance {
 /// Makes [`Radiance`] from gathers.
 pub(super) struct Maker {
     scheme: Scheme,
+    pub level: u8,
     scene_size: f32,
     /// The bases of orders 1, 2, ...
     bases: Vec<Box<dyn Basis>>,
@@ -109,10 +111,11 @@ enum Rotation {
     Sh(ShRotation),
 }
 
-/// A cache of radiance records for what the camera sees.
+/// A cache of radiance records for one level of bounces. Copies share what does not change.
+#[derive(Clone)]
 pub struct RadianceCache {
     cache: Cache,
-    maker: Maker,
+    maker: Arc<Maker>,
     records: Vec<Radiance>,
     /// For each record the factor on its gradient: see [`super::Reach::radius`].
     gradient_scales: Vec<f32>,
@@ -126,15 +129,25 @@ const MOST_CORRECTION: f32 = 2.0;
 const WORLD: Frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z };
 
 impl RadianceCache {
-    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`.
-    pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
+    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`. It holds what surfaces `level` bounces behind the
+    /// first need.
+    ///
+    /// # Panics
+    /// When the scheme or the paths have no such level.
+    pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32, level: u8) -> Self {
         let order = usize::from(scheme.radiance_order);
         let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
-        let maker = Maker { scheme: scheme.for_radiance(), scene_size, bases, rotation: OnceLock::new(), cosine };
+        let maker = Maker { scheme: scheme.for_radiance(), level, scene_size, bases, rotation: OnceLock::new(), cosine };
         let padding = scheme.radiance_padding;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
-        Self { cache, maker, records: Vec::new(), gradient_scales: Vec::new(), padding }
+        assert!(level < cache.level_count(), "there is no level {level}");
+        Self { cache, maker: Arc::new(maker), records: Vec::new(), gradient_scales: Vec::new(), padding }
+    }
+
+    /// The level.
+    pub fn level(&self) -> u8 {
+        self.maker.level
     }
 
     /// Makes records until every point is covered, beside those that there are already; gathers take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect, for schemes that place
@@ -163,14 +176,14 @@ impl RadianceCache {
         if self.maker.scheme.radiance_placement != RadiancePlacement::View {
             return;
         }
-        let reach = self.cache.shading_reach(0);
+        let reach = self.cache.shading_reach(self.maker.level);
         let making = Making { maker: &self.maker, reflector: Some(reflector) };
         let mut placed = self.records().to_vec();
         placed.par_iter_mut().zip(&mut self.records).for_each(|(record, radiance)| {
             radiance.wo = towards(record.position);
             making.place(record, radiance, &reach);
         });
-        self.cache.replace(0, placed);
+        self.cache.replace(self.maker.level, placed);
         self.rescale();
     }
 
@@ -191,14 +204,14 @@ impl RadianceCache {
 
     /// Notes the factors on the gradients of the records as they are now.
     fn rescale(&mut self) {
-        let reach = self.cache.shading_reach(0);
-        let level = self.cache.level(0).map_or(&[][..], |l| l.records());
+        let reach = self.cache.shading_reach(self.maker.level);
+        let level = self.cache.level(self.maker.level).map_or(&[][..], |l| l.records());
         self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
     }
 
     /// The irradiance part of the records, by their ids.
     pub fn records(&self) -> &[Record] {
-        self.cache.level(0).map_or(&[], |l| l.records())
+        self.cache.level(self.maker.level).map_or(&[], |l| l.records())
     }
 
     /// The cache of that part.
@@ -209,7 +222,7 @@ impl RadianceCache {
     /// Bytes that records and index occupy.
     pub fn bytes(&self) -> usize {
         let numbers: usize = self.records.iter().map(|r| r.payload.bytes() + size_of_val(&r.hits[..])).sum();
-        self.cache.level(0).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers
+        self.cache.level(self.maker.level).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers
     }
 
     /// Radiance from the records with ids below `limit` that leaves towards `at.wo` by the lobe with the coefficients `lobe`:
@@ -221,7 +234,7 @@ impl RadianceCache {
     /// The gradient is applied before the rotation R_i from the record's frame to the point's, and instead of Λ_i the one vector c is rotated, by the inverse. Each record is clamped by itself; a tilted
     /// one is scaled so that its irradiance is what the rotational gradient predicts. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
-        let index: &Index = self.cache.level(0)?.index();
+        let index: &Index = self.cache.level(self.maker.level)?.index();
         let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
         self.maker.prepare(at, lobe);
         index.visit(at, limit, |valid| {
@@ -260,7 +273,7 @@ impl RadianceCache {
     ) -> Option<RadianceAnswer> {
         let mut sum = RadianceAnswer { glossy: Color::ZERO, irradiance: Color::ZERO, error: 0.0, records: 0 };
         let mut weights = 0.0;
-        self.cache.level(0)?.index().visit(at, limit, |valid| {
+        self.cache.level(self.maker.level)?.index().visit(at, limit, |valid| {
             for hit in &self.records[valid.id as usize].hits {
                 if let Some((direction, solid_angle)) = hit.seen_from(at.position) {
                     sum.glossy += valid.weight * reflect(hit, direction, solid_angle);

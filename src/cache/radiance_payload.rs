@@ -33,6 +33,7 @@ pub enum HitStorage {
 pub(super) const MOST: usize = 400;
 
 /// The coefficients of one channel after another, as they are kept.
+#[derive(Clone)]
 enum Vector {
     Single(Vec<f32>),
     Half { scale: f32, values: Vec<f16> },
@@ -78,6 +79,7 @@ impl Vector {
 }
 
 /// The coefficients of a record; then, if it has them, their derivatives along both tangents; then the second ones, twice along the first tangent, along both, twice along the second.
+#[derive(Clone)]
 pub(super) struct Payload {
     /// Number of coefficients of one channel.
     count: usize,

@@ -248,6 +248,9 @@ pub struct Scheme {
     pub order: Order,
     /// Glossy lobes that this many bands of harmonics represent are served by radiance records; 0: none are, and gloss is followed by paths.
     pub radiance_order: u8,
+    /// Levels of bounces that have radiance records, of those that have records at all: with 1 the glossy surfaces that the camera sees, with 2 also those that light reaches these from, and so on. Gloss that is
+    /// met beyond is followed by paths.
+    pub radiance_levels: u8,
     /// The basis of radiance records.
     pub radiance_basis: BasisKind,
     /// Largest share of a lobe's energy that its representation may lose [Krivanek05, Sec. 4.1]; a relative RMS error of e is e².
@@ -357,7 +360,7 @@ impl Scheme {
             density: self.radiance_density,
             radiance_gradient: self.usable_radiance_gradient(),
             error: self.error * self.radiance_error,
-            levels: 1,
+            levels: self.levels.min(self.radiance_levels),
             // Their gloss needs its own direct light anyway.
             contents: Contents::Indirect,
             // And light paths are no part of its harmonics.
@@ -469,6 +472,9 @@ impl Scheme {
         }
         if self.radiance_order > MAX_RADIANCE_ORDER {
             return fail(&format!("setting `radiance_order` must be at most {MAX_RADIANCE_ORDER}"));
+        }
+        if !(1..=16).contains(&self.radiance_levels) {
+            return fail("setting `radiance_levels` must be between 1 and 16");
         }
         if !(self.radiance_loss > 0.0 && self.radiance_loss < 1.0) {
             return fail("setting `radiance_loss` must be between 0 and 1");

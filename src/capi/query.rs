@@ -10,6 +10,7 @@ use super::types::{
 };
 use super::views::{Input, Output};
 use crate::cache::{Answer, LevelPoints, Snapshot};
+use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::integrator::PathTracer;
 use crate::math::{Color, Vec3};
@@ -199,7 +200,7 @@ impl CacheObject {
             let one = |i: usize| {
                 let at = points.get(i)?;
                 let seed = hash(&[settings.seed, 3, i as u64]);
-                tracer.glossy_indirect(&at, samples, seed, snapshot.cache())
+                tracer.glossy_indirect(&at, samples, seed, (snapshot.cache() as &dyn Deeper).into())
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });

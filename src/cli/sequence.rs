@@ -63,7 +63,7 @@ pub fn run(job: &mut Job, frames: &Frames, before: Option<Cache>, output: &Path,
     let numbers: Vec<u32> = (frames.first..=frames.last).collect();
     let cameras = cameras(job, &numbers)?;
     let cached = job.settings.integrator == IntegratorKind::Cache;
-    let mut caches = cached.then(|| Caches::new(&job.scene, &job.settings, before));
+    let mut caches = cached.then(|| Caches::new(&job.scene, &job.settings.scheme, job.settings.max_bounces, before));
 
     let mut growth = vec![Growth::default(); numbers.len()];
     if let Some(caches) = &mut caches {

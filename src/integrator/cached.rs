@@ -2,10 +2,9 @@
 
 use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
-use super::{CameraSample, Gloss, Shaded, Status, Surface};
+use super::{CameraSample, Gloss, Known, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Cache, HitStorage, LobeCoefficients};
-use crate::gather::Deeper;
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
 use crate::sampling::Sampler;
@@ -181,12 +180,12 @@ impl<'a> CachedIntegrator<'a> {
                 let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
                 // Where records serve the gloss too, the direction only looks for emitters, which light samples alone would find with more noise.
                 let tracer = if served { PathTracer { max_bounces: bounces, ..self.tracer } } else { self.tracer };
-                let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.cache as &dyn Deeper));
+                let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.known()));
                 if bounces == 0 {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
                         // The cache has the diffuse lobe: all of this weight is the others'.
-                        Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => (Color::ZERO, scattered.weight),
+                        _ => (Color::ZERO, scattered.weight),
                     };
                     out.radiance.add(weights, light);
                 } else {
@@ -214,11 +213,16 @@ impl<'a> CachedIntegrator<'a> {
         for _ in 0..PATHS {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
                 let start = Start { bounces: 0, pdf: scattered.pdf, origin: v.origin() };
-                let light = self.tracer.incoming(&next, &start, sampler, seed, Some(self.cache as &dyn Deeper));
+                let light = self.tracer.incoming(&next, &start, sampler, seed, Some(self.known()));
                 let (diffuse, glossy) = split(v, &scattered);
                 out.radiance.add((diffuse / PATHS as f32, glossy / PATHS as f32), light);
             }
         }
+    }
+
+    /// Where the paths that go on from visible surfaces may end.
+    fn known(&self) -> Known<'_> {
+        Known { irradiance: self.cache, gloss: self.gloss }
     }
 
     /// The level that a surface behind `bounces` mirrors is looked up on.
@@ -241,12 +245,15 @@ impl<'a> CachedIntegrator<'a> {
         }
         out.gloss = Status::Traced;
         let albedo = out.surface.filter(|_| bounces == 0).map(|s| s.albedo);
-        let gloss = self.gloss.as_ref().filter(|_| self.level(bounces) == 0)?;
-        let answer = if gloss.records.hit_storage() == HitStorage::None {
+        let gloss = self.gloss.as_ref()?;
+        let level = self.level(bounces);
+        let records = gloss.level(level)?;
+        let limit = if level == 0 { limit } else { u32::MAX };
+        let answer = if records.hit_storage() == HitStorage::None {
             lobe.order = gloss.service.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
-            gloss.records.lookup(&v.point, limit, lobe)
+            records.lookup(&v.point, limit, lobe)
         } else {
-            self.tracer.reflect_hits(v, limit, gloss, self.cache)
+            self.tracer.reflect_hits(v, limit, records, self.known())
         };
         out.lookups += 1;
         let Some(answer) = answer else {

@@ -4,6 +4,7 @@
 //! lobes are evaluated again towards points a little aside: `∂L/∂t = Σ (f(wo+) - f(wo-))/(2δ f(wo)) L_part` [Zhao, Eq. 3.41, for the samples at hand instead of a hemisphere at each hit]. Weights and densities of the
 //! samples count as constants, as they do in the sum itself, so that the expected value is the change of the glossy reflection. No ray is traced. What a delta lobe shows moves in another way and is left out.
 
+use super::Gloss;
 use super::path::{Reflected, Sampled, Step, Vertex};
 use crate::accel::Ray;
 use crate::gather::HitChange;
@@ -60,10 +61,19 @@ impl<'a> Views<'a> {
         })
     }
 
-    /// The change of what is reflected without a shadow ray: cached light, and the light `next` that the sampled direction of `step` brings, both as they arrive.
-    pub fn of_step(&self, step: &Step, next: Color) -> Change {
+    /// The change of what is reflected without a shadow ray: cached light, and the light `next` that the sampled direction of `step` brings, both as they arrive. Where records have told what glossy lobes reflect, those of `gloss` on
+    /// the level of the hit are asked again for other directions: their product with the lobe is known in all of them, and without noise [Zhao, Eq. 3.46-3.48].
+    pub fn of_step(&self, step: &Step, next: Color, gloss: Option<(Gloss, u8)>) -> Change {
         let bsdf = &self.vertex.bsdf;
-        let cached = self.relative(step.cached, |wo| bsdf.diffuse_albedo(wo));
+        let mut cached = self.relative(step.cached.diffuse, |wo| bsdf.diffuse_albedo(wo));
+        if let Some((gloss, level)) = gloss.filter(|_| step.sampled == Sampled::Nothing) {
+            let seen = |wo: Vec3| gloss.seen_from(level, self.vertex, wo);
+            for (sum, [ahead, behind]) in cached.iter_mut().zip(self.beside) {
+                if let (Some(ahead), Some(behind)) = (seen(ahead), seen(behind)) {
+                    *sum += (ahead - behind) / (2.0 * self.step);
+                }
+            }
+        }
         let Some((sample, _)) = step.next.as_ref().filter(|(s, _)| s.lobe != Lobe::Delta) else { return cached };
         let followed = match step.sampled {
             Sampled::Everything => {
@@ -77,7 +87,7 @@ impl<'a> Views<'a> {
                     None => self.lobes(next, sample.wi, bsdf.f(self.wo, sample.wi), |wo| bsdf.f(wo, sample.wi)),
                 }
             }
-            Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => self.of_gloss(next, sample.wi),
+            _ => self.of_gloss(next, sample.wi),
         };
         [cached[0] + followed[0], cached[1] + followed[1]]
     }

@@ -18,7 +18,7 @@ pub use path::{Origin, PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use service::{Gloss, Service};
+pub use service::{Gloss, Known, Service};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};

@@ -1,8 +1,8 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
+use super::Known;
 use super::path::{PathTracer, Sampled, Start, Vertex};
 use crate::accel::Ray;
-use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
 use crate::math::Color;
@@ -23,9 +23,9 @@ impl PathTracer<'_> {
         Some(Vertex { point, bsdf })
     }
 
-    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect, by `samples` paths that end in `cache` where it knows the light;
+    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect, by `samples` paths that end where light is `known`;
     /// what the first segment of a path sees shine is direct light and left out. `None` if no surface passes through the point.
-    pub fn glossy_indirect(&self, at: &SurfacePoint, samples: u32, seed: u64, cache: &dyn Deeper) -> Option<Color> {
+    pub fn glossy_indirect(&self, at: &SurfacePoint, samples: u32, seed: u64, known: Known) -> Option<Color> {
         let vertex = self.surface_at(at, seed)?;
         let mut sum = Color::ZERO;
         for i in 0..samples {
@@ -35,7 +35,7 @@ impl PathTracer<'_> {
                 continue;
             }
             let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.origin() };
-            let light = self.incoming(&next, &start, &mut sampler, hash(&[seed, u64::from(i)]), Some(cache));
+            let light = self.incoming(&next, &start, &mut sampler, hash(&[seed, u64::from(i)]), Some(known));
             let arrived = sample.weight * light.indirect;
             if arrived.is_finite() {
                 sum += arrived;

@@ -1,8 +1,7 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
-use super::{CameraSample, Radiance, Shaded, Surface};
+use super::{CameraSample, Known, Radiance, Shaded, Surface};
 use crate::accel::Ray;
-use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
@@ -58,6 +57,8 @@ pub(super) enum Sampled {
     GlossyAndSky,
     /// All but the diffuse one, whose direct light a cache knows, too: light samples are for the others alone.
     GlossyAlone,
+    /// None, since caches know the indirect light of all: light samples alone account for direct light.
+    Nothing,
 }
 
 /// A vertex from which the next ray leaves.
@@ -76,7 +77,7 @@ impl Vertex {
 /// What happens at a vertex: see [`PathTracer::step`].
 pub(super) struct Step {
     /// Radiance towards `wo` of indirect light that a cache knows.
-    pub cached: Color,
+    pub cached: Reflected,
     /// A shadow ray, and what it brings if nothing is in its way.
     pub light: Option<(Ray, Reflected)>,
     /// The sampled direction and the ray into it.
@@ -153,15 +154,8 @@ impl PathTracer<'_> {
 
     /// The radiance that `ray` brings to the path that began as `start` says.
     ///
-    /// `deeper` ends the path at diffuse surfaces whose indirect light a cache knows.
-    pub(super) fn incoming(
-        &self,
-        ray: &Ray,
-        start: &Start,
-        sampler: &mut Sampler,
-        seed: u64,
-        deeper: Option<&dyn Deeper>,
-    ) -> Incoming {
+    /// Where indirect light is `known` the path ends.
+    pub(super) fn incoming(&self, ray: &Ray, start: &Start, sampler: &mut Sampler, seed: u64, known: Option<Known>) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
         let (mut ray, mut pdf, mut origin) = (*ray, start.pdf, start.origin);
@@ -185,8 +179,8 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            let step = self.step(&vertex, sampler, bounces, deeper);
-            light.indirect += beta * step.cached;
+            let step = self.step(&vertex, sampler, bounces, known);
+            light.indirect += beta * step.cached.sum();
             if let Some((shadow, lit)) = step.light
                 && !self.scene.occluded(&shadow, shadow_seed(seed, bounces))
             {
@@ -229,17 +223,18 @@ impl PathTracer<'_> {
     }
 
     /// What happens at a vertex that is not the camera's: indirect light from a cache where one knows it, one light sample, and the next ray.
-    pub(super) fn step(&self, v: &Vertex, sampler: &mut Sampler, bounces: u32, deeper: Option<&dyn Deeper>) -> Step {
+    pub(super) fn step(&self, v: &Vertex, sampler: &mut Sampler, bounces: u32, known: Option<Known>) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-        let askable = deeper.filter(|_| bounces < self.max_bounces && v.bsdf.has_diffuse());
-        let irradiance = askable.and_then(|d| d.irradiance(level, &v.point));
-        let sampled = if irradiance.is_some() { Sampled::Glossy } else { Sampled::Everything };
-        let cached = irradiance.map_or(Color::ZERO, |e| v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * e * INV_PI);
+        let (cached, sampled) = match known.filter(|_| bounces < self.max_bounces).and_then(|k| k.leaving(level, v)) {
+            Some((diffuse, Some(glossy))) => (Reflected { diffuse, glossy }, Sampled::Nothing),
+            Some((diffuse, None)) => (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy),
+            None => (Reflected::default(), Sampled::Everything),
+        };
         let light = self.light(v, sampler, sampled);
         let mut next = self.scatter(v, sampler, sampled);
         // Where a cache was asked, the path is one of very many that are averaged, and the rest of it costs more than what it has brought so far. A faint gloss on
         // top of cached light is followed only as often as it matters, and what no cache knows as often as the surface reflects.
-        if let (Some(_), Some((sample, _))) = (deeper, &mut next) {
+        if let (Some(_), Some((sample, _))) = (known, &mut next) {
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let survival = (share * sample.weight.max_element()).min(1.0);
             if sampler.next_1d() < survival {
@@ -291,14 +286,14 @@ impl PathTracer<'_> {
 
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
     pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
-        if sampled != Sampled::Everything && !v.bsdf.has_glossy() {
+        if sampled == Sampled::Nothing || (sampled != Sampled::Everything && !v.bsdf.has_glossy()) {
             return None;
         }
         let (lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
         let sample = match sampled {
             Sampled::Everything => v.bsdf.sample(wo, lobe, u),
-            Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => v.bsdf.sample_glossy(wo, lobe, u),
+            _ => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
     }
@@ -372,6 +367,7 @@ pub(super) fn reflected(
             (weight(cosine_hemisphere_pdf(wi)), weight(glossy_pdf))
         }
         Sampled::Glossy | Sampled::GlossyAndSky | Sampled::GlossyAlone => (1.0, weight(glossy_pdf)),
+        Sampled::Nothing => (1.0, 1.0),
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })

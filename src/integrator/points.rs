@@ -56,28 +56,39 @@ impl PathTracer<'_> {
 
     /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their BSDFs.
     pub fn views(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
-        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk, service)).collect()
+        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
+        let vertex = |(camera, seed): &(CameraRay, u64)| Some((self.first_vertex(camera, *seed, usable)?.0, *seed));
+        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex), service)).collect()
     }
 
-    fn views_of(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
+    /// As [`PathTracer::views`] for the surfaces that pass through `points`.
+    pub fn views_at(&self, points: &[SurfacePoint], seed: u64, service: Option<&Service>) -> Vec<Option<View>> {
+        let vertex = |at: &SurfacePoint| Some((self.surface_at(at, seed)?, hash(&[seed, position_hash(at)])));
+        points.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex), service)).collect()
+    }
+
+    /// The views of vertices, each with a seed.
+    fn views_of(
+        &self,
+        vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>,
+        service: Option<&Service>,
+    ) -> Vec<Option<View>> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
-        let mut seen: Vec<Option<View>> = Vec::with_capacity(pixels.len());
-        let served = |point: &SurfacePoint, bsdf: &Bsdf| service.is_some_and(|s| s.record_order(point, bsdf).is_some());
-        for (camera, seed) in pixels {
-            let found = self.first_vertex(camera, *seed, |point, bsdf| bsdf.has_diffuse() || served(point, bsdf));
-            let Some((Vertex { point, bsdf }, _)) = found else {
+        let mut seen: Vec<Option<View>> = Vec::with_capacity(vertices.len());
+        for found in vertices {
+            let Some((Vertex { point, bsdf }, seed)) = found else {
                 seen.push(None);
                 continue;
             };
             let wo = point.frame.to_local(point.wo);
             let diffuse = bsdf.diffuse_albedo(wo);
-            let gloss = if served(&point, &bsdf) { luminance(bsdf.albedo(wo) - diffuse) } else { 0.0 };
+            let gloss = if radiance_order(service, &point, &bsdf) > 0 { luminance(bsdf.albedo(wo) - diffuse) } else { 0.0 };
             let appearance = Appearance { reflectance: diffuse * INV_PI, gloss, direct: luminance(self.scene.emission(&point)) };
             let number = seen.len();
             seen.push(Some((point, bsdf, appearance)));
             let v = Vertex { point, bsdf };
             let origin = v.origin();
-            let words = hash(&[*seed, 1]) as u32;
+            let words = hash(&[seed, 1]) as u32;
             self.scene.lights().stratified(origin.position, origin.facing, LIGHT_SAMPLES, words, &mut |sample| {
                 if let Some(lit) = reflected(self.scene, &point, &bsdf, &sample, Sampled::Glossy) {
                     rays.push(self.scene.shadow_ray(&point, &sample));
@@ -98,11 +109,15 @@ impl PathTracer<'_> {
     /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it has
     /// a diffuse lobe alone to be served; and whether it has a diffuse lobe.
     pub fn first_cached(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
-        let order = |point: &SurfacePoint, bsdf: &Bsdf| service.and_then(|s| s.record_order(point, bsdf)).unwrap_or(0);
-        let (Vertex { point, bsdf }, _) =
-            self.first_vertex(camera, seed, |point, bsdf| bsdf.has_diffuse() || order(point, bsdf) > 0)?;
-        let order = order(&point, &bsdf);
-        Some((point, order, bsdf.has_diffuse()))
+        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
+        let (Vertex { point, bsdf }, _) = self.first_vertex(camera, seed, usable)?;
+        Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
+    }
+
+    /// The surface that passes through `at`, which only tells where that is and from where it is seen, as [`PathTracer::first_cached`] would find it.
+    pub fn cached_at(&self, at: &SurfacePoint, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
+        let Vertex { point, bsdf } = self.surface_at(at, seed)?;
+        Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
     }
 
     /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes before it; `None` if the first that is none of those is not wanted.
@@ -135,6 +150,17 @@ impl PathTracer<'_> {
 
     /// Points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
     pub fn next_points(&self, points: &[SurfacePoint], count: usize, seed: u64) -> Vec<SurfacePoint> {
+        self.next_cached(points, count, seed, None).into_iter().map(|(point, _)| point).collect()
+    }
+
+    /// As [`PathTracer::next_points`], points with a diffuse lobe or with gloss that radiance records serve, with the number of bands of those records, 0 where there is no use for them.
+    pub fn next_cached(
+        &self,
+        points: &[SurfacePoint],
+        count: usize,
+        seed: u64,
+        service: Option<&Service>,
+    ) -> Vec<(SurfacePoint, u8)> {
         if points.is_empty() {
             return Vec::new();
         }
@@ -151,8 +177,18 @@ impl PathTracer<'_> {
                 let (mut point, _) = self.scene.intersect(&self.scene.spawn(from, dir), words)?;
                 let bsdf = self.scene.shade(&mut point);
                 point.footprint = DEEPER_FOOTPRINT * self.scene.size();
-                bsdf.has_diffuse().then_some(point)
+                let order = radiance_order(service, &point, &bsdf);
+                (bsdf.has_diffuse() || order > 0).then_some((point, order))
             })
             .collect()
     }
+}
+
+fn radiance_order(service: Option<&Service>, point: &SurfacePoint, bsdf: &Bsdf) -> u8 {
+    service.and_then(|s| s.record_order(point, bsdf)).unwrap_or(0)
+}
+
+/// A seed that belongs to the place.
+pub(super) fn position_hash(at: &SurfacePoint) -> u64 {
+    hash(&at.position.to_array().map(|x| u64::from(x.to_bits())))
 }

@@ -4,6 +4,7 @@ use super::bdpt::LightPaths;
 use super::direct::LightPoints;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start, Vertex};
+use super::{Gloss, Known};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
@@ -17,6 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
     tables: Option<&'a GlossyTables>,
+    gloss: Option<Gloss<'a>>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
     counts: Counts,
@@ -43,13 +45,19 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self { tracer, tables: None, light_paths: OnceLock::new(), counts: Counts::default() }
+        Self { tracer, tables: None, gloss: None, light_paths: OnceLock::new(), counts: Counts::default() }
     }
 
     /// The same probe with the lobes of the scene's materials in harmonics, for gathers that ask for [`HitChange::Harmonics`].
     #[must_use]
     pub fn with_tables(self, tables: Option<&'a GlossyTables>) -> Self {
         Self { tables, ..self }
+    }
+
+    /// The same probe with what is known of the light that glossy lobes at its hits reflect.
+    #[must_use]
+    pub fn with_gloss(self, gloss: Option<Gloss<'a>>) -> Self {
+        Self { gloss, ..self }
     }
 
     /// What has been traced so far.
@@ -85,6 +93,7 @@ impl RadianceProbe for SceneProbe<'_> {
             bundle.change = [0, 1].map(|_| vec![Color::ZERO; bundle.len()]);
         }
         let mut paths = 0;
+        let known = Known { irradiance: deeper, gloss: self.gloss };
         for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
             let seed = hash(&[bundle.seed, k as u64]);
             let Some((mut point, distance)) = scene.resolve(ray, *hit, seed) else {
@@ -105,7 +114,7 @@ impl RadianceProbe for SceneProbe<'_> {
             }
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
-            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(deeper));
+            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(known));
             let views = Views::new(bundle.hit_change, self.tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
                 let change = views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
@@ -115,13 +124,17 @@ impl RadianceProbe for SceneProbe<'_> {
             let mut followed = Color::ZERO;
             if let Some((sample, next)) = &step.next {
                 let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
-                let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(deeper));
+                let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(known));
                 followed = sample.weight * (light.direct + light.indirect);
                 paths += 1;
             }
-            bundle.radiance[k] = finite(through * (step.cached + followed));
+            bundle.radiance[k] = finite(through * (step.cached.sum() + followed));
             if let Some(views) = views {
-                add_change(bundle, k, views.of_step(&step, followed).map(|c| through * c));
+                add_change(
+                    bundle,
+                    k,
+                    views.of_step(&step, followed, self.gloss.map(|g| (g, level.saturating_add(1)))).map(|c| through * c),
+                );
             }
         }
 

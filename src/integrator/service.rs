@@ -1,10 +1,12 @@
-//! Which surfaces radiance records serve, and in which directions.
+//! Which surfaces radiance records serve, and in which directions; and what is known of light where paths may end.
 
-use crate::cache::{RadianceCache, Scheme};
+use super::path::Vertex;
+use crate::cache::{LobeCoefficients, RadianceAnswer, RadianceCache, Scheme};
+use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::material::tables::GlossyTables;
-use crate::math::{Color, luminance};
+use crate::math::{Color, INV_PI, Vec3, luminance};
 
 /// The choice between records and paths for a surface's glossy lobes.
 #[derive(Clone, Copy)]
@@ -24,8 +26,61 @@ pub struct Service<'a> {
 pub struct Gloss<'a> {
     /// Those lobes.
     pub service: Service<'a>,
-    /// Records of the light that reaches them.
-    pub records: &'a RadianceCache,
+    /// Records of the light that reaches them, for one level of bounces each, ascending.
+    pub records: &'a [RadianceCache],
+}
+
+/// What is known of indirect light at surfaces where paths may end.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// What reaches diffuse lobes.
+    pub irradiance: &'a dyn Deeper,
+    /// What reaches glossy lobes.
+    pub gloss: Option<Gloss<'a>>,
+}
+
+impl<'a> From<&'a dyn Deeper> for Known<'a> {
+    /// Irradiance alone.
+    fn from(irradiance: &'a dyn Deeper) -> Self {
+        Self { irradiance, gloss: None }
+    }
+}
+
+impl<'a> Gloss<'a> {
+    /// The records of `level`.
+    pub(super) fn level(&self, level: u8) -> Option<&'a RadianceCache> {
+        self.records.iter().find(|r| r.level() == level)
+    }
+
+    /// Indirect light that leaves a surface `level` bounces behind the first by its glossy lobes, and the irradiance there; `None` where no record serves it. As for irradiance, records of any level
+    /// answer if light paths have no bound, the first level's before others.
+    pub(super) fn behind(&self, level: u8, v: &Vertex) -> Option<RadianceAnswer> {
+        if v.bsdf.is_delta_only() || self.records.is_empty() {
+            return None;
+        }
+        let mut lobe = LobeCoefficients::default();
+        lobe.order = self.service.project(&v.point, &v.bsdf, None, &mut lobe.values)?;
+        let mut usable = self.records.iter().filter(|r| r.placement().is_unlimited() || r.level() == level);
+        usable.find_map(|records| records.lookup(&v.point, u32::MAX, &mut lobe))
+    }
+
+    /// What [`Gloss::behind`] says of the glossy lobes if the surface is looked at from `wo` instead, in its local frame.
+    pub(super) fn seen_from(&self, level: u8, v: &Vertex, wo: Vec3) -> Option<Color> {
+        let point = SurfacePoint { wo: v.point.frame.to_world(wo), ..v.point };
+        Some(self.behind(level, &Vertex { point, bsdf: v.bsdf })?.glossy)
+    }
+}
+
+impl Known<'_> {
+    /// Indirect light that leaves a surface `level` bounces behind the first, by the diffuse lobe and by the others; the second is `None` where nothing is known of it. `None` where nothing is known at all.
+    pub(super) fn leaving(&self, level: u8, v: &Vertex) -> Option<(Color, Option<Color>)> {
+        let diffuse = |irradiance: Color| v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * irradiance * INV_PI;
+        if let Some(answer) = self.gloss.as_ref().and_then(|g| g.behind(level, v)) {
+            return Some((diffuse(answer.irradiance), Some(answer.glossy)));
+        }
+        let irradiance = if v.bsdf.has_diffuse() { self.irradiance.irradiance(level, &v.point) } else { None };
+        Some((diffuse(irradiance?), None))
+    }
 }
 
 /// The cosine between shading and geometric normal above which a surface is flat.

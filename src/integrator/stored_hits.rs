@@ -1,21 +1,22 @@
 //! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see what those are worth.
 
 use super::path::{PathTracer, Start, Vertex};
-use super::service::Gloss;
-use crate::cache::{HitStorage, RadianceAnswer};
-use crate::gather::{Deeper, StoredHit};
+use super::points::position_hash;
+use super::service::Known;
+use crate::cache::{HitStorage, RadianceAnswer, RadianceCache};
+use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
 use crate::sampling::{Sampler, hash};
 
 impl PathTracer<'_> {
-    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the first level sees it: its indirect light from `deeper` where that knows it, no emission.
-    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, deeper: &dyn Deeper) -> Color {
+    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the first level sees it: its indirect light where it is `known`, no emission.
+    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, known: Known) -> Color {
         let plain = SurfacePoint::plain(hit.position, hit.normal);
         let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else { return Color::ZERO };
         let mut sampler = Sampler::new(seed, 0);
-        let step = self.step(&vertex, &mut sampler, 1, Some(deeper));
-        let mut radiance = step.cached;
+        let step = self.step(&vertex, &mut sampler, 1, Some(known));
+        let mut radiance = step.cached.sum();
         if let Some((shadow, lit)) = &step.light
             && !self.scene.occluded(shadow, seed)
         {
@@ -23,19 +24,19 @@ impl PathTracer<'_> {
         }
         if let Some((sample, next)) = &step.next {
             let start = Start { bounces: 1, pdf: sample.pdf, origin: vertex.origin() };
-            let light = self.incoming(next, &start, &mut sampler, seed, Some(deeper));
+            let light = self.incoming(next, &start, &mut sampler, seed, Some(known));
             radiance += sample.weight * (light.direct + light.indirect);
         }
         if radiance.is_finite() { radiance } else { Color::ZERO }
     }
 
-    /// The glossy reflection at `v` of the hits that the records of `gloss` keep; with [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
-    pub(super) fn reflect_hits(&self, v: &Vertex, limit: u32, gloss: &Gloss, deeper: &dyn Deeper) -> Option<RadianceAnswer> {
-        let seed = hash(&v.point.position.to_array().map(|x| u64::from(x.to_bits())));
+    /// The glossy reflection at `v` of the hits that `records` keep; with [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
+    pub(super) fn reflect_hits(&self, v: &Vertex, limit: u32, records: &RadianceCache, known: Known) -> Option<RadianceAnswer> {
+        let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
-        let traced = gloss.records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;
+        let traced = records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;
         let mut number = 0;
-        gloss.records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
+        records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
             number += 1;
             let wi = v.point.frame.to_local(direction);
             if wi.z <= 0.0 || direction.dot(v.point.ng) <= 0.0 {
@@ -45,7 +46,7 @@ impl PathTracer<'_> {
             if share == Color::ZERO || hit.normal == Vec3::ZERO || !traced {
                 return share * hit.radiance;
             }
-            share * self.leaving(hit, -direction, hash(&[seed, number]), deeper)
+            share * self.leaving(hit, -direction, hash(&[seed, number]), known)
         })
     }
 }

@@ -4,7 +4,8 @@ use super::caches::{Caches, Gloss};
 use super::clock::Clock;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
-use crate::cache::{Cache, FillStats, Order};
+use super::visible::fill_for_camera;
+use crate::cache::{Cache, FillStats, Order, RadianceCache};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat};
@@ -55,7 +56,7 @@ impl Frame {
 
     /// All caches that were filled.
     pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
-        self.cache.iter().chain(self.gloss.iter().map(|g| g.records.placement()))
+        self.cache.iter().chain(self.gloss.iter().flat_map(|g| g.levels.iter().map(RadianceCache::placement)))
     }
 }
 
@@ -89,8 +90,8 @@ pub fn frame_with(
         return shade_frame(scene, settings, None, None, progress, clock, watcher);
     }
     clock.start(Phase::Fill);
-    let mut caches = Caches::new(scene, settings, before);
-    match caches.fill(scene, settings, &[], progress) {
+    let mut caches = Caches::new(scene, &settings.scheme, settings.max_bounces, before);
+    match fill_for_camera(&mut caches, scene, settings, &[], progress) {
         Ok(births) => {
             let limits = (settings.scheme.passes == 1).then_some(births);
             shade_frame(scene, settings, Some(&caches), limits.as_deref(), progress, clock, watcher)

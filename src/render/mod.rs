@@ -12,8 +12,9 @@ mod selection;
 mod sequence;
 mod settings;
 mod stats;
+mod visible;
 
-pub use caches::{Caches, Gloss};
+pub use caches::{Caches, Gloss, Job, Spot};
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher, frame, frame_from, frame_with};
 pub(crate) use frame::{camera_sample, pixel_order};
@@ -22,3 +23,4 @@ pub use selection::Selection;
 pub use sequence::{Growth, fill_sequence};
 pub use settings::{IntegratorKind, Settings};
 pub use stats::stats;
+pub use visible::fill_for_camera;

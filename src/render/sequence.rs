@@ -2,6 +2,7 @@
 
 use super::caches::Caches;
 use super::settings::{IntegratorKind, Settings};
+use super::visible::fill_for_camera;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -42,7 +43,7 @@ impl Growth {
 /// differently. Returns what each camera added; nothing where the integrator uses no cache.
 ///
 /// # Errors
-/// Those of [`Caches::fill`].
+/// Those of [`fill_for_camera`].
 pub fn fill_sequence(
     scene: &Scene,
     settings: &Settings,
@@ -63,7 +64,8 @@ pub fn fill_sequence(
             let ((levels, radiance), reductions) = (caches.record_counts(), caches.reductions());
             // What is worth a record is worth it for all frames together.
             let spp = settings.spp.saturating_mul(cameras.len() as u32);
-            caches.fill(scene, &Settings { camera: camera.clone(), spp, ..settings.clone() }, &witnesses, progress)?;
+            let settings = Settings { camera: camera.clone(), spp, ..settings.clone() };
+            fill_for_camera(caches, scene, &settings, &witnesses, progress)?;
             let (levels_now, radiance_now) = caches.record_counts();
             let added = Growth {
                 levels: levels_now.iter().zip(&levels).map(|(now, before)| now - before).collect(),

@@ -3,6 +3,7 @@
 use super::clock::{Clock, peak_memory_bytes};
 use super::frame::Frame;
 use super::settings::Settings;
+use crate::cache::FillStats;
 use crate::film::Pixel;
 use crate::scene::Scene;
 use serde_json::{Value, json};
@@ -33,10 +34,12 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
     });
     let (glossy, served) = frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let radiance = frame.gloss.as_ref().map(|gloss| {
-        let fill = &gloss.fill;
+        let mut fill = FillStats::default();
+        gloss.fill.iter().for_each(|f| fill.add(f));
         json!({
-            "records": gloss.records.records().len(),
-            "bytes": gloss.records.bytes(),
+            "records": gloss.record_count(),
+            "levels": gloss.levels.iter().map(|l| l.records().len()).collect::<Vec<_>>(),
+            "bytes": gloss.bytes(),
             "gather_rays": fill.gather_rays,
             "fill_lookups": fill.lookups,
             "fill_hits": fill.hits,
