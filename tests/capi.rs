@@ -14,6 +14,7 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+mod glossy;
 mod hosts;
 mod misuse;
 
@@ -424,6 +425,14 @@ fn a_described_scene_is_that_of_the_file() {
     assert!((counts[0] / counts[1] - 1.0).abs() < 0.05 && counts[0] > 0.5 && counts[0] < 5.0, "{counts:?}");
 }
 
+/// A picture of one of our scenes as its camera sees it.
+fn picture(name: &str, [width, height]: [u32; 2], samples: u32) -> lumi_render_desc {
+    let data = lumicache::import::gltf(Path::new(&own(name)), &Default::default()).unwrap();
+    let camera = &data.cameras[0];
+    let lumicache::camera::Projection::Perspective { yfov } = camera.projection else { panic!("an orthographic camera") };
+    lumi_render_desc { width, height, samples, camera: camera.to_world.to_cols_array(), yfov, ..sized() }
+}
+
 #[test]
 fn pictures_and_glossy_light() {
     let d = device("");
@@ -437,17 +446,7 @@ fn pictures_and_glossy_light() {
     for (name, data) in names.iter().zip(&mut parts) {
         layers.push(lumi_layer { name: name.as_ptr(), data: data.as_mut_ptr(), channels: 3, reserved: 0 });
     }
-    let data = lumicache::import::gltf(Path::new(&own("glossy-still-life")), &Default::default()).unwrap();
-    let camera = &data.cameras[0];
-    let lumicache::camera::Projection::Perspective { yfov } = camera.projection else { panic!("an orthographic camera") };
-    let desc = lumi_render_desc {
-        width: w as u32,
-        height: h as u32,
-        samples: 2,
-        camera: camera.to_world.to_cols_array(),
-        yfov,
-        ..sized()
-    };
+    let desc = picture("glossy-still-life", [w as u32, h as u32], 2);
     ok(unsafe { lumi_cache_render(c.0, &raw const desc, layers.as_ptr(), layers.len()) });
     for p in 0..w * h {
         for k in 0..3 {

@@ -5,7 +5,7 @@
 
 use crate::bsdfs::{at, bsdf, lafortune, metal, plastic, point};
 use crate::derivative::{LampAndOccluders, occluder, receiver};
-use crate::pictures::{build, cached, difference, own, render};
+use crate::pictures::{beauty, build, cached, difference, own, render};
 use lumicache::basis::{Basis, BasisKind, HSH_COSINE, Hsh, Jet, LANES, Lane, Sh, gauss_legendre};
 use lumicache::cache::{Refinement, Scheme};
 use lumicache::compare::Report;
@@ -441,4 +441,26 @@ fn faint_curved_and_small_gloss_is_left_to_paths() {
     assert!((0.1..0.7).contains(&floor), "{floor}");
     assert!(share("phong-pot", [40, 30], &|_| ()) < 0.05);
     assert!(share("phong-pot", [40, 30], &|s| s.radiance_curved_order = 14) > 0.8);
+}
+
+#[test]
+fn records_below_the_first_bounce_replace_paths_and_change_nothing_else() {
+    for (name, preset) in [("glossy-walk", "auto"), ("cornell-box-glossy", "zhao-incoming")] {
+        let scene = build(own(name));
+        let with = |levels: u8| {
+            let mut settings = cached(&scene, preset, [48, 48], 4);
+            let scheme = &mut settings.scheme;
+            (scheme.rays, scheme.levels, scheme.radiance_break_even, scheme.radiance_levels) = (512, 3, 0.0, levels);
+            render(&scene, &settings)
+        };
+        let [one, two] = [1, 2].map(with);
+        let count = |frame: &Frame| frame.gloss.as_ref().unwrap().levels.iter().map(|l| l.records().len()).collect::<Vec<_>>();
+        assert_eq!(count(&one).len(), 1);
+        assert!(count(&two).len() == 2 && count(&two)[1] > 20, "{name}: {:?}", count(&two));
+        let paths = |frame: &Frame| frame.gathered[2] as f32 / frame.gathered[0] as f32;
+        let report = difference(&beauty(&two), &beauty(&one));
+        println!("{name}: {:.4} paths per ray, {:.4} with records below; {report:?}", paths(&one), paths(&two));
+        assert!(paths(&two) < 0.8 * paths(&one), "{name}: {} paths per ray, without records {}", paths(&two), paths(&one));
+        assert!((report.mean_ratio.unwrap() - 1.0).abs() < 0.005 && report.relmse < 1e-3, "{name}: {report:?}");
+    }
 }

@@ -403,6 +403,8 @@ typedef struct lumi_stats {
   uint32_t frozen;
   // Records on all levels.
   uint64_t records;
+  // Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
+  uint64_t radiance_records;
   // Bytes of records and indexes.
   uint64_t bytes;
   // Rays of gathers.
@@ -709,10 +711,11 @@ LUMI_API lumi_error lumi_cache_set_str(lumi_cache cache, const char *name, const
 // Threads: any; the callback runs on the thread that builds.
 LUMI_API lumi_error lumi_cache_set_progress(lumi_cache cache, lumi_progress_fn callback, void *user);
 
-// Makes records until every seed point is covered, and before that those of deeper bounces. What the cache has already is kept. The same settings, points and calls give the
+// Makes records until every seed point is covered, and before that those of deeper bounces. Where seeds have `wo` and scene and preset are for it, radiance records are made beside them, for glossy lobes that
+// harmonics represent; presets that refine records refine them, in scenes of our own. What the cache has already is kept. The same settings, points and calls give the
 // same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as before.
 //
-// `seeds`: positions, normals and footprints are read, nothing is written.
+// `seeds`: positions, normals, wo and footprints are read, nothing is written.
 //
 // Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
 LUMI_API

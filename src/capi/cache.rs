@@ -8,13 +8,12 @@ use super::query::{Points, points};
 use super::scene::{SceneObject, World, path};
 use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error};
 use super::types::{LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats, write};
-use crate::cache::{Cache, CacheFile, LevelPoints, Live, Origin, Preset, Reach, Scheme};
-use crate::error::{Error, Result};
+use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
 use crate::gather::RadianceProbe;
-use crate::geometry::SurfacePoint;
 use crate::integrator::{PathTracer, SceneProbe};
-use crate::progress::{Phase, Progress};
-use crate::sampling::hash;
+use crate::progress::Progress;
+use crate::render::Gloss;
+use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,7 +25,7 @@ const DEEPER_POINTS: u32 = 16_384;
 /// Width of a pixel where the host gives none, as a share of the scene's diagonal.
 const FOOTPRINT: f32 = 0.002;
 /// Footprint of points that the camera does not see, as a share of the scene's diagonal.
-const DEEPER_FOOTPRINT: f32 = 0.004;
+pub(super) const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// What a cache is made by.
 #[derive(Clone)]
@@ -34,7 +33,7 @@ pub(super) struct Settings {
     pub scheme: Scheme,
     pub max_bounces: u32,
     pub seed: u64,
-    deeper_points: u32,
+    pub deeper_points: u32,
 }
 
 type Watcher = unsafe extern "C" fn(*mut c_void, f64, *const c_char) -> i32;
@@ -60,6 +59,8 @@ pub(super) struct CacheObject {
     pub scene: Arc<SceneObject>,
     settings: Mutex<Settings>,
     pub live: Live,
+    /// What serves glossy lobes, once a build or a picture has made records for it.
+    pub gloss: ArcSwapOption<Gloss>,
     /// Held by who changes the cache as a whole.
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
@@ -99,6 +100,12 @@ impl CacheObject {
         Ok(FOOTPRINT * self.size()?)
     }
 
+    /// Puts another cache in the place of this one's records, and what serves glossy lobes with it.
+    pub fn put(&self, cache: Cache, gloss: Option<Arc<Gloss>>) {
+        self.live.replace(cache);
+        self.gloss.store(gloss);
+    }
+
     fn origin(&self) -> Outcome<Origin> {
         let (settings, committed) = (self.settings(), self.scene.committed()?);
         Ok(Origin::new(committed.hashes.clone(), &settings.scheme, settings.max_bounces, committed.size()))
@@ -116,7 +123,7 @@ impl CacheObject {
             return Err(Fault::operation("the cache has records: clear it before its settings change"));
         }
         self.settings.lock().unwrap_or_else(PoisonError::into_inner).set(name, value)?;
-        self.live.replace(self.empty()?);
+        self.put(self.empty()?, None);
         Ok(())
     }
 
@@ -132,61 +139,6 @@ impl CacheObject {
         })
     }
 
-    /// Points of the next deeper level.
-    fn next_points(
-        &self,
-        from: &[SurfacePoint],
-        level: u8,
-        s: &Settings,
-        exchange: &Exchange,
-        progress: &Progress,
-    ) -> Outcome<Vec<SurfacePoint>> {
-        let (count, seed) = (s.deeper_points as usize, hash(&[s.seed, 2, u64::from(level)]));
-        Ok(match &self.scene.committed()?.world {
-            World::Own(scene) => PathTracer { scene, max_bounces: s.max_bounces }.next_points(from, count, seed),
-            // All bounces are in what such a host answers.
-            World::Host(host) if host.is_full() => Vec::new(),
-            World::Host(host) => {
-                let footprint = DEEPER_FOOTPRINT * self.size()?;
-                let probe = HostProbe { host, exchange, max_bounces: s.max_bounces, footprint, progress };
-                probe.next_points(from, count, u32::from(level), seed)
-            }
-        })
-    }
-
-    /// Fills all levels, deepest first, from seeds on the first.
-    fn build(&self, seeds: Vec<SurfacePoint>) -> Outcome {
-        let started = Instant::now();
-        let (settings, snapshot, progress) = (self.settings(), self.live.snapshot(), Progress::default());
-        if snapshot.is_frozen() {
-            return Err(Fault::operation("the cache is frozen: it takes no more records"));
-        }
-        let mut cache = snapshot.compact();
-        let filled = self.run(&progress, true, |exchange| -> Outcome<Cache> {
-            if cache.level_count() == 0 {
-                return Ok(cache);
-            }
-            let mut levels = vec![LevelPoints::scattered(seeds, settings.seed)];
-            for level in 1..cache.level_count() {
-                let points = self.next_points(&levels[levels.len() - 1].points, level, &settings, exchange, &progress)?;
-                levels.push(LevelPoints { points, round: 0 });
-            }
-            progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
-            let rays: Result<u64> = self.with_probe(exchange, &progress, |probe| {
-                let mut rays = 0;
-                for (level, points) in levels.iter().enumerate().rev() {
-                    rays += cache.fill(probe, level as u8, points, settings.seed, &progress)?.gather_rays;
-                }
-                if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(rays) }
-            })?;
-            self.counters.rays.fetch_add(rays?, Ordering::Relaxed);
-            Ok(cache)
-        })??;
-        self.counters.spent(started);
-        self.live.replace(filled);
-        Ok(())
-    }
-
     fn save(&self, path: &Path) -> Outcome {
         Ok(CacheFile::new(&self.live.snapshot().compact(), self.origin()?).write(path)?)
     }
@@ -194,7 +146,7 @@ impl CacheObject {
     fn load(&self, path: &Path, reuse: bool) -> Outcome {
         let _alone = self.change()?;
         let scheme = self.settings().scheme;
-        self.live.replace(CacheFile::read(path)?.into_cache(scheme, &self.origin()?, reuse, path)?);
+        self.put(CacheFile::read(path)?.into_cache(scheme, &self.origin()?, reuse, path)?, None);
         Ok(())
     }
 
@@ -217,13 +169,15 @@ impl CacheObject {
             World::Own(_) => [0; 2],
             World::Host(host) => host.counts(),
         };
+        let gloss = self.gloss.load();
         let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
         Ok(lumi_stats {
             struct_size: 0,
             frozen: u32::from(snapshot.is_frozen()),
             records: snapshot.record_count() as u64,
-            bytes: snapshot.bytes() as u64,
+            radiance_records: gloss.as_ref().map_or(0, |g| g.record_count() as u64),
+            bytes: (snapshot.bytes() + gloss.as_ref().map_or(0, |g| g.bytes())) as u64,
             rays: load(&self.counters.rays),
             queries,
             hits,
@@ -287,6 +241,7 @@ pub unsafe extern "C" fn lumi_cache_new(scene: lumi_scene, preset: *const c_char
             scene,
             settings: Mutex::new(settings),
             live,
+            gloss: ArcSwapOption::empty(),
             changing: Mutex::new(()),
             watcher: Mutex::new((None, 0)),
             waiting: OnceLock::new(),
@@ -350,10 +305,11 @@ pub unsafe extern "C" fn lumi_cache_set_progress(cache: lumi_cache, callback: lu
     })
 }
 
-/// Makes records until every seed point is covered, and before that those of deeper bounces. What the cache has already is kept. The same settings, points and calls give the
+/// Makes records until every seed point is covered, and before that those of deeper bounces. Where seeds have `wo` and scene and preset are for it, radiance records are made beside them, for glossy lobes that
+/// harmonics represent; presets that refine records refine them, in scenes of our own. What the cache has already is kept. The same settings, points and calls give the
 /// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as before.
 ///
-/// `seeds`: positions, normals and footprints are read, nothing is written.
+/// `seeds`: positions, normals, wo and footprints are read, nothing is written.
 ///
 /// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
 #[unsafe(no_mangle)]
@@ -362,7 +318,7 @@ pub unsafe extern "C" fn lumi_cache_build(cache: lumi_cache, seeds: *const lumi_
         let cache = borrow::<CacheObject>(cache)?;
         let points: Points = points(seeds, &cache)?;
         let _alone = cache.change()?;
-        cache.build(points.valid())
+        cache.build(&points)
     })
 }
 
@@ -428,7 +384,7 @@ pub unsafe extern "C" fn lumi_cache_clear(cache: lumi_cache) -> lumi_error {
     guard("lumi_cache_clear", || {
         let cache = borrow::<CacheObject>(cache)?;
         let _alone = cache.change()?;
-        cache.live.replace(cache.empty()?);
+        cache.put(cache.empty()?, None);
         Ok(())
     })
 }

@@ -7,6 +7,7 @@
 #![allow(non_camel_case_types, reason = "the types are those of the header")]
 #![allow(clippy::missing_safety_doc, reason = "the header and docs/CAPI.md say what the caller owes, function by function")]
 
+mod build;
 mod cache;
 mod describe;
 mod device;

@@ -10,9 +10,8 @@ use super::types::{
 };
 use super::views::{Input, Output};
 use crate::cache::{Answer, LevelPoints, Snapshot};
-use crate::gather::Deeper;
 use crate::geometry::SurfacePoint;
-use crate::integrator::PathTracer;
+use crate::integrator::{Known, PathTracer};
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::hash;
@@ -69,6 +68,11 @@ impl Points {
         let footprint = self.footprint.as_ref().map_or(self.default_footprint, |f| f.get(i)[0]);
         let footprint = if footprint.is_finite() && footprint > 0.0 { footprint } else { self.default_footprint };
         Some(surface_point(position, n, unit(&self.geo_normal).unwrap_or(n), unit(&self.wo).unwrap_or(n), footprint))
+    }
+
+    /// True if the host says from where they are looked at.
+    pub fn have_wo(&self) -> bool {
+        self.wo.is_some()
     }
 
     /// Those that are points.
@@ -185,7 +189,7 @@ impl CacheObject {
         Ok(())
     }
 
-    /// Indirect light that the glossy lobes of our own surfaces reflect.
+    /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records where those serve them, else by paths.
     fn glossy(&self, q: &lumi_query, points: &Points, radiance: &mut Output<f32, 3>) -> Outcome {
         let scene =
             self.scene.own().map_err(|f| Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message)))?;
@@ -195,12 +199,14 @@ impl CacheObject {
         let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
-        let (snapshot, n) = (self.live.snapshot(), q.n);
+        let (snapshot, gloss, n) = (self.live.snapshot(), self.gloss.load_full(), q.n);
+        let gloss = gloss.as_ref().map(|g| g.shading(&settings.scheme));
+        let known = Known { irradiance: snapshot.cache(), gloss };
         let found: Vec<Color> = self.scene.device.pool.install(|| {
             let one = |i: usize| {
                 let at = points.get(i)?;
                 let seed = hash(&[settings.seed, 3, i as u64]);
-                tracer.glossy_indirect(&at, samples, seed, (snapshot.cache() as &dyn Deeper).into())
+                tracer.glossy_indirect(&at, samples, seed, known)
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });

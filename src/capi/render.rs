@@ -11,7 +11,7 @@ use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
 use crate::progress::Progress;
-use crate::render::{self, Clock, IntegratorKind, Settings};
+use crate::render::{self, Caches, Clock, IntegratorKind, Settings};
 
 /// Most layers of one picture.
 const MOST_LAYERS: usize = 256;
@@ -80,6 +80,10 @@ impl CacheObject {
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
+        let before = match self.gloss.load_full() {
+            Some(gloss) => Caches::of(before, Some(gloss)),
+            None => Caches::new(scene, &settings.scheme, settings.max_bounces, Some(before)),
+        };
         let frame = self.run(&progress, true, |_| {
             render::frame_with(scene, &settings, Some(before), &progress, &mut Clock::default(), &mut |_, _| ())
         })??;
@@ -93,7 +97,7 @@ impl CacheObject {
             return Err(Error::Cancelled.into());
         }
         if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
-            self.live.replace(cache);
+            self.put(cache, frame.gloss);
         }
         Ok(())
     }

@@ -359,6 +359,8 @@ pub struct lumi_stats {
     pub frozen: u32,
     /// Records on all levels.
     pub records: u64,
+    /// Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
+    pub radiance_records: u64,
     /// Bytes of records and indexes.
     pub bytes: u64,
     /// Rays of gathers.

@@ -148,6 +148,8 @@ fn load<'a>(
 fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock) -> Result<bool> {
     let arguments = job.arguments;
     let mut viewer = Viewer::connect(arguments, output, job.settings.window)?;
+    let (scheme, max_bounces) = (&job.settings.scheme, job.settings.max_bounces);
+    let before = before.map(|cache| render::Caches::new(&job.scene, scheme, max_bounces, Some(cache)));
     let frame = render::frame_with(&job.scene, &job.settings, before, job.progress, clock, &mut |area, film| {
         viewer.show(area, film);
     })?;

@@ -23,10 +23,13 @@ impl PathTracer<'_> {
         Some(Vertex { point, bsdf })
     }
 
-    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect, by `samples` paths that end where light is `known`;
-    /// what the first segment of a path sees shine is direct light and left out. `None` if no surface passes through the point.
+    /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the diffuse one reflect: from radiance records of the first level where those serve them, else by `samples` paths that end where
+    /// light is `known`; what the first segment of a path sees shine is direct light and left out. `None` if no surface passes through the point.
     pub fn glossy_indirect(&self, at: &SurfacePoint, samples: u32, seed: u64, known: Known) -> Option<Color> {
         let vertex = self.surface_at(at, seed)?;
+        if let Some(answer) = known.gloss.and_then(|g| g.first(&vertex)) {
+            return Some(answer.glossy);
+        }
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);

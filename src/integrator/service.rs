@@ -64,6 +64,11 @@ impl<'a> Gloss<'a> {
         usable.find_map(|records| records.lookup(&v.point, u32::MAX, &mut lobe))
     }
 
+    /// The same of what the camera sees, from the first level alone.
+    pub(super) fn first(&self, v: &Vertex) -> Option<RadianceAnswer> {
+        Gloss { records: self.records.get(..1)?, ..*self }.behind(0, v)
+    }
+
     /// What [`Gloss::behind`] says of the glossy lobes if the surface is looked at from `wo` instead, in its local frame.
     pub(super) fn seen_from(&self, level: u8, v: &Vertex, wo: Vec3) -> Option<Color> {
         let point = SurfacePoint { wo: v.point.frame.to_world(wo), ..v.point };

@@ -78,6 +78,11 @@ impl Gloss {
         self.levels.iter().map(|l| l.records().len()).sum()
     }
 
+    /// Rays of all gathers so far.
+    pub fn gather_rays(&self) -> u64 {
+        self.fill.iter().map(|f| f.gather_rays).sum()
+    }
+
     /// Bytes that records and indexes occupy.
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(RadianceCache::bytes).sum()

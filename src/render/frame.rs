@@ -73,14 +73,14 @@ pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mu
     frame_with(scene, settings, None, progress, clock, watcher)
 }
 
-/// [`frame`] with the records of a cache that was made before under the same scheme; the fill adds what the camera needs beside them.
+/// [`frame`] with the records of caches that were made before under the same scheme; the fill adds what the camera needs beside them.
 ///
 /// # Errors
 /// Those of [`frame`].
 pub fn frame_with(
     scene: &Scene,
     settings: &Settings,
-    before: Option<Cache>,
+    before: Option<Caches>,
     progress: &Progress,
     clock: &mut Clock,
     watcher: &mut Watcher,
@@ -90,7 +90,7 @@ pub fn frame_with(
         return shade_frame(scene, settings, None, None, progress, clock, watcher);
     }
     clock.start(Phase::Fill);
-    let mut caches = Caches::new(scene, &settings.scheme, settings.max_bounces, before);
+    let mut caches = before.unwrap_or_else(|| Caches::new(scene, &settings.scheme, settings.max_bounces, None));
     match fill_for_camera(&mut caches, scene, settings, &[], progress) {
         Ok(births) => {
             let limits = (settings.scheme.passes == 1).then_some(births);
