@@ -1,14 +1,15 @@
 //! Light paths joined with the point of a gather, so that one sample of it has several sources [Ribardiere11, Fig. 1].
 
+use super::light_walk::{Follower, walk_from_light};
 use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::gather::{Bundle, Joint};
-use crate::geometry::{SurfacePoint, offset_origin};
-use crate::integrator::path::{LONGEST_PATH, MAX_SURVIVAL, PathTracer, ROULETTE_AFTER, Sampled};
-use crate::light::{EmissionSampler, LightSource};
-use crate::material::{Bsdf, Lobe};
+use crate::geometry::SurfacePoint;
+use crate::integrator::path::{LONGEST_PATH, PathTracer};
+use crate::light::EmissionSampler;
+use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
-use crate::sampling::{Sampler, hash};
+use crate::sampling::hash;
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;
@@ -25,6 +26,15 @@ pub(in crate::integrator) struct LightPaths<'a> {
     emission: EmissionSampler<'a>,
     /// Area of the scene's surface, estimated.
     area: f32,
+}
+
+/// Joins the vertices of light paths with the point of a gather, but for what lies between.
+struct Joining<'a> {
+    paths: &'a LightPaths<'a>,
+    from: &'a SurfacePoint,
+    bundle: &'a Bundle,
+    rays: Vec<Ray>,
+    joints: Vec<Joint>,
 }
 
 /// A surface that light paths may be joined to.
@@ -59,87 +69,41 @@ impl<'a> LightPaths<'a> {
     pub fn join(&self, from: &SurfacePoint, level: u8, bundle: &mut Bundle) -> u64 {
         // Interactions before the vertex that is joined: it and the point of the gather follow.
         let most = self.tracer.max_bounces.min(LONGEST_PATH).saturating_sub(u32::from(level));
-        let (mut rays, mut joints) = (Vec::new(), Vec::new());
-        let (paths, q) = (bundle.light_paths, self.density(bundle.light_paths));
-        for number in 0..paths {
-            self.walk(hash(&[bundle.seed, 2]), number, most, |vertex| {
-                let offset = vertex.point.position - from.position;
-                let squared = offset.length_squared();
-                let distance = squared.sqrt();
-                let dir = offset / distance.max(f32::MIN_POSITIVE);
-                let (cos, cos_there) = (from.frame.n.dot(dir), -vertex.point.ng.dot(dir));
-                if !joinable(&vertex.bsdf) || cos_there < GRAZING || cos < GRAZING || from.ng.dot(dir) <= 0.0 {
-                    return;
-                }
-                let p = bundle.len() as f32 * bundle.density.pdf(cos) * cos_there / squared;
-                let scattering = vertex.of_light_path(self.tracer.scene, -dir);
-                let light = vertex.beta * scattering.f * (vertex.light_cosine(-dir) * cos / squared);
-                let light = light * vertex.transmittance(self.tracer.scene, -dir, distance);
-                let irradiance = light * (q / (p + q) / paths as f32);
-                if irradiance != Color::ZERO && irradiance.is_finite() {
-                    let mut ray = self.tracer.scene.spawn(from, dir);
-                    ray.tmax = distance * (1.0 - SHORTENING);
-                    rays.push(ray);
-                    joints.push(Joint { offset, normal: vertex.point.ng, irradiance, area: 1.0 / (p + q) });
-                }
-            });
+        let mut joining = Joining { paths: self, from, bundle, rays: Vec::new(), joints: Vec::new() };
+        for number in 0..bundle.light_paths {
+            let walk = (hash(&[bundle.seed, 2]), number);
+            walk_from_light(&self.tracer, &self.emission, walk, most as usize, &mut joining);
         }
+        let Joining { rays, joints, .. } = joining;
         let mut blocked = vec![false; rays.len()];
         self.tracer.scene.occluded_many(&rays, &mut blocked);
         bundle.joints.extend(joints.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(joint, _)| joint));
         rays.len() as u64
     }
+}
 
-    /// Walks from a light, as [`super::Bidirectional`] does, and shows each of at most `most` vertices.
-    fn walk(&self, seed: u64, number: u32, most: u32, mut visit: impl FnMut(&Vertex)) {
-        let scene = self.tracer.scene;
-        let mut sampler = Sampler::new(seed, number);
-        let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
-        let Some(start) = self.emission.sample(select, place, turn) else { return };
-        let emitted = match start.end.source {
-            LightSource::Triangle { instance, triangle, u, v } if scene.emission_is_textured(instance) => {
-                scene.emission_at(instance, triangle, u, v, -start.direction)
-            }
-            _ => start.emitted,
-        };
-        let origin = match start.end.normal {
-            Vec3::ZERO => start.origin,
-            normal => offset_origin(start.origin, normal, start.direction),
-        };
-        let mut ray = Ray { origin, tmin: 0.0, dir: start.direction, tmax: f32::INFINITY };
-        let mut beta = emitted * start.measure;
-        let (mut first, mut last): (Color, Option<Vertex>) = (Color::ONE, None);
-        let alpha = hash(&[seed, u64::from(number)]);
-        for count in 0..most {
-            let Some((raw, distance)) = scene.intersect(&ray, alpha.wrapping_add(u64::from(count))) else { return };
-            match &last {
-                None => {
-                    beta *= self.emission.window(&start.end, distance);
-                    first = beta;
-                }
-                Some(last) => beta *= last.transmittance(scene, ray.dir, distance),
-            }
-            if beta == Color::ZERO || !beta.is_finite() {
-                return;
-            }
-            let vertex = Vertex::new(scene, raw, beta, 0.0);
-            visit(&vertex);
-            if count >= ROULETTE_AFTER {
-                let survival = (beta.max_element() / first.max_element()).min(MAX_SURVIVAL);
-                if sampler.next_1d() >= survival {
-                    return;
-                }
-                beta /= survival;
-            }
-            let Some((scattered, next)) = self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
-            if scattered.lobe == Lobe::Delta {
-                let corrected = vertex.light_cosine(next.dir) / vertex.point.frame.n.dot(next.dir).abs();
-                beta *= scattered.weight * (scattered.eta * scattered.eta * corrected);
-            } else {
-                let f = vertex.of_light_path(scene, next.dir).f;
-                beta *= f * (vertex.light_cosine(next.dir) / scattered.pdf);
-            }
-            (ray, last) = (next, Some(vertex));
+impl Follower for Joining<'_> {
+    fn arrive(&mut self, vertex: Vertex, _: f32, _: Vec3) {
+        let (scene, from) = (self.paths.tracer.scene, self.from);
+        let offset = vertex.point.position - from.position;
+        let squared = offset.length_squared();
+        let distance = squared.sqrt();
+        let dir = offset / distance.max(f32::MIN_POSITIVE);
+        let (cos, cos_there) = (from.frame.n.dot(dir), -vertex.point.ng.dot(dir));
+        if !joinable(&vertex.bsdf) || cos_there < GRAZING || cos < GRAZING || from.ng.dot(dir) <= 0.0 {
+            return;
+        }
+        let q = self.paths.density(self.bundle.light_paths);
+        let p = self.bundle.len() as f32 * self.bundle.density.pdf(cos) * cos_there / squared;
+        let scattering = vertex.of_light_path(scene, -dir);
+        let light = vertex.beta * scattering.f * (vertex.light_cosine(-dir) * cos / squared);
+        let light = light * vertex.transmittance(scene, -dir, distance);
+        let irradiance = light * (q / (p + q) / self.bundle.light_paths as f32);
+        if irradiance != Color::ZERO && irradiance.is_finite() {
+            let mut ray = scene.spawn(from, dir);
+            ray.tmax = distance * (1.0 - SHORTENING);
+            self.rays.push(ray);
+            self.joints.push(Joint { offset, normal: vertex.point.ng, irradiance, area: 1.0 / (p + q) });
         }
     }
 }

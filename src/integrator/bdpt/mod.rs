@@ -5,6 +5,7 @@
 
 mod connect;
 mod joints;
+mod light_walk;
 mod vertex;
 mod walk;
 mod weight;

@@ -1,16 +1,15 @@
 //! The two random walks: one from the camera, one from a light.
 
 use super::Bidirectional;
+use super::light_walk::{Follower, walk_from_light};
 use super::vertex::Vertex;
 use super::weight::LightDensity;
-use crate::accel::Ray;
-use crate::geometry::offset_origin;
 use crate::integrator::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
 use crate::integrator::{CameraSample, Shaded, Surface};
-use crate::light::{LightEnd, LightSource};
+use crate::light::{Emission, LightEnd, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec2, Vec3};
-use crate::sampling::{Sampler, hash};
+use crate::sampling::hash;
 
 /// Tells the light path's numbers from the camera path's.
 const LIGHT_STREAM: u64 = 0x006c_6967_6874;
@@ -118,93 +117,8 @@ impl Bidirectional<'_> {
         path.vertices.clear();
         path.end = None;
         let seed = hash(&[sample.seed, LIGHT_STREAM]);
-        let mut sampler = Sampler::new(seed, sample.index);
-        let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
-        let Some(start) = self.emission.sample(select, place, turn) else { return };
-        let emitted = match start.end.source {
-            LightSource::Triangle { instance, triangle, u, v } if self.tracer.scene.emission_is_textured(instance) => {
-                self.tracer.scene.emission_at(instance, triangle, u, v, -start.direction)
-            }
-            _ => start.emitted,
-        };
-        path.end = Some(start.end);
-        path.density = LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
-        let origin = if start.end.normal == Vec3::ZERO {
-            start.origin
-        } else {
-            offset_origin(start.origin, start.end.normal, start.direction)
-        };
-        let mut ray = Ray { origin, tmin: 0.0, dir: start.direction, tmax: f32::INFINITY };
-        let (mut beta, mut density) = (emitted * start.measure, start.ray_density);
-        let alpha = hash(&[seed, u64::from(sample.index)]);
-        let mut first = Color::ONE;
-        loop {
-            let count = path.vertices.len();
-            let Some((raw, distance)) = self.tracer.scene.intersect(&ray, alpha.wrapping_add(count as u64)) else { return };
-            let forward = match path.vertices.last() {
-                None => {
-                    beta *= self.emission.window(&start.end, distance);
-                    first = beta;
-                    None
-                }
-                Some(last) => {
-                    beta *= last.transmittance(self.tracer.scene, ray.dir, distance);
-                    Some(last.point.position)
-                }
-            };
-            if beta == Color::ZERO || !beta.is_finite() {
-                return;
-            }
-            let mut vertex = Vertex::new(self.tracer.scene, raw, beta, 0.0);
-            vertex.forward = match forward {
-                None if start.end.distant => vertex.per_area_of_parallel(density, ray.dir),
-                None => vertex.per_area(density, start.end.position),
-                Some(from) => vertex.per_area(density, from),
-            };
-            if count == 0 {
-                path.density.sampled = self.sampled_density(&vertex, &start.end);
-            }
-            path.vertices.push(vertex);
-            if count + 1 >= self.most_surfaces() {
-                return;
-            }
-            if count >= ROULETTE_AFTER as usize {
-                let survival = (beta.max_element() / first.max_element()).min(MAX_SURVIVAL);
-                if sampler.next_1d() >= survival {
-                    return;
-                }
-                beta /= survival;
-            } else {
-                // The next set of numbers starts with the lobe and the direction.
-                sampler.next_1d();
-            }
-            let Some((scattered, next)) = self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
-            let (to, single) = (next.dir, scattered.lobe == Lobe::Delta);
-            density = if single { 1.0 } else { scattered.pdf };
-            let back = if single {
-                // Light loses nothing by the change of its solid angle, and the cosines of shading normals are not those of a camera path.
-                let corrected = vertex.light_cosine(to) / vertex.point.frame.n.dot(to).abs();
-                beta *= scattered.weight * (scattered.eta * scattered.eta * corrected);
-                1.0
-            } else {
-                let scattering = vertex.of_light_path(self.tracer.scene, to);
-                beta *= scattering.f * (vertex.light_cosine(to) / scattered.pdf);
-                scattering.to_light
-            };
-            path.vertices[count].delta = single;
-            self.set_backward(path, count, back);
-            ray = next;
-        }
-    }
-
-    /// Sets the density with which a camera path that samples with `density` at vertex `at` makes the vertex before it, or the light's end.
-    fn set_backward(&self, path: &mut LightPath, at: usize, density: f32) {
-        let from = path.vertices[at].point.position;
-        match (at.checked_sub(1), path.end) {
-            (Some(before), _) => path.vertices[before].backward = path.vertices[before].per_area(density, from),
-            (None, Some(end)) => path.density.hit = hit_density(&end, density, from),
-            (None, None) => {}
-        }
+        let mut builder = Builder { bidirectional: self, path };
+        walk_from_light(&self.tracer, &self.emission, (seed, sample.index), self.most_surfaces(), &mut builder);
     }
 
     /// Density with which light sampling at `vertex` finds the end of a light path.
@@ -221,6 +135,48 @@ impl Bidirectional<'_> {
                 let pdf = lights.pdf_triangle(p, n, instance, triangle, offset / distance, distance);
                 hit_density(end, pdf, p)
             }
+        }
+    }
+}
+
+/// Keeps a walk from a light, with the densities that weights are made of.
+struct Builder<'a, 'b> {
+    bidirectional: &'a Bidirectional<'b>,
+    path: &'a mut LightPath,
+}
+
+impl Follower for Builder<'_, '_> {
+    fn begin(&mut self, start: &Emission) {
+        self.path.end = Some(start.end);
+        self.path.density = LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
+    }
+
+    fn arrive(&mut self, mut vertex: Vertex, density: f32, dir: Vec3) {
+        let path = &mut *self.path;
+        vertex.forward = match (path.vertices.last(), path.end) {
+            (Some(last), _) => vertex.per_area(density, last.point.position),
+            (None, Some(end)) if end.distant => vertex.per_area_of_parallel(density, dir),
+            (None, end) => vertex.per_area(density, end.map_or(vertex.point.position, |e| e.position)),
+        };
+        if let (true, Some(end)) = (path.vertices.is_empty(), path.end) {
+            path.density.sampled = self.bidirectional.sampled_density(&vertex, &end);
+        }
+        path.vertices.push(vertex);
+    }
+
+    /// Sets the density with which a camera path that comes by the last vertex makes the one before it, or the light's end.
+    fn leave(&mut self, delta: bool, back: f32) {
+        let LightPath { end, density, vertices } = &mut *self.path;
+        match (&mut vertices[..], end) {
+            ([.., before, last], _) => {
+                last.delta = delta;
+                before.backward = before.per_area(back, last.point.position);
+            }
+            ([only], Some(end)) => {
+                only.delta = delta;
+                density.hit = hit_density(end, back, only.point.position);
+            }
+            _ => {}
         }
     }
 }
