@@ -39,7 +39,7 @@ impl Random {
 }
 
 fn mesh(positions: Vec<Vec3>, indices: Vec<[u32; 3]>) -> TriangleMesh {
-    TriangleMesh { name: "test".into(), positions, indices, ..Default::default() }
+    TriangleMesh { name: "test".into(), positions: positions.into(), indices: indices.into(), ..Default::default() }
 }
 
 fn geometry(meshes: Vec<TriangleMesh>, instances: Vec<Instance>) -> Geometry {
@@ -358,7 +358,7 @@ fn of_equally_distant_triangles_the_bvh_takes_the_first() {
     // The same triangles three times, once from a second instance.
     let twice = {
         let m = sphere(5, 8);
-        mesh(m.positions.clone(), m.indices.iter().chain(&m.indices).copied().collect())
+        mesh(m.positions.to_vec(), m.indices.iter().chain(&m.indices).copied().collect())
     };
     let place = |mesh| Instance { mesh, to_world: Affine3A::IDENTITY };
     let first = sphere(5, 8).indices.len() as u32;

@@ -147,8 +147,8 @@ fn the_furnace_has_its_series() {
 /// A wall of side 0.2 beside a mirror on the floor, a spot light above both.
 fn mirror_and_wall() -> SceneData {
     let quad = |corner: Vec3, u: Vec3, v: Vec3, material| TriangleMesh {
-        positions: vec![corner, corner + u, corner + u + v, corner + v],
-        indices: vec![[0, 1, 2], [0, 2, 3]],
+        positions: vec![corner, corner + u, corner + u + v, corner + v].into(),
+        indices: vec![[0, 1, 2], [0, 2, 3]].into(),
         material,
         ..TriangleMesh::default()
     };

@@ -399,6 +399,8 @@ fn a_described_scene_is_that_of_the_file() {
 
     let parts = empty_scene(&d);
     materials(&parts);
+    let dense: Vec<[f32; 3]> = corners.iter().map(|c| [c[0], c[1], c[2]]).collect();
+    let positions = view(dense.as_ptr().cast(), 8, 12, LUMI_FORMAT_F32X3, LUMI_VIEW_SHARED);
     for (k, side) in sides.iter().enumerate() {
         let indices = view(side.as_ptr().cast(), 2, 0, LUMI_FORMAT_U32X3, LUMI_VIEW_SHARED);
         let mesh = lumi_mesh_desc { positions, indices, material: u32::from(k == 3), ..sized() };

@@ -225,7 +225,7 @@ fn quantized_and_normalized_attributes() {
     file.show(json!({"attributes": {"POSITION": position, "NORMAL": normal, "COLOR_0": color, "TEXCOORD_1": uv}}));
     let scene = file.load();
     let mesh = &scene.geometry.meshes[0];
-    assert_eq!(mesh.positions, [Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z]);
+    assert_eq!(*mesh.positions, [Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z]);
     assert_eq!(mesh.normals.as_ref().unwrap()[0], Vec3::Z);
     assert_eq!(mesh.colors.as_ref().unwrap()[1], Vec4::new(1.0, 0.0, 0.2, 1.0));
     assert_eq!(mesh.uv[1].as_ref().unwrap()[2], Vec2::new(5.0, 6.0));
@@ -247,7 +247,7 @@ fn sparse_accessors_with_and_without_a_view() {
     let scene = file.load();
     assert_eq!(scene.geometry.meshes.len(), 2);
     for mesh in &scene.geometry.meshes {
-        assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+        assert_eq!(*mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
     }
 }
 

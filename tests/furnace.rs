@@ -33,8 +33,8 @@ pub fn cube(material: Material) -> SceneData {
             let n = -sign * Vec3::AXES[axis];
             let (s, t) = (Vec3::AXES[(axis + 1) % 3], n.cross(Vec3::AXES[(axis + 1) % 3]));
             let first = mesh.positions.len() as u32;
-            mesh.positions.extend([-s - t, s - t, s + t, -s + t].map(|p| p - n));
-            mesh.indices.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            mesh.positions.to_mut().extend([-s - t, s - t, s + t, -s + t].map(|p| p - n));
+            mesh.indices.to_mut().extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         }
     }
     scene_of(mesh, Material { double_sided: true, ..material }, Vec3::new(-0.5, 0.3, 0.7), Vec3::new(1.0, -0.8, -0.6))
@@ -44,7 +44,8 @@ pub fn cube(material: Material) -> SceneData {
 pub fn plane(material: Material) -> SceneData {
     let positions =
         vec![Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, -1.0)];
-    let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [0, 2, 3]], ..TriangleMesh::default() };
+    let mesh =
+        TriangleMesh { positions: positions.into(), indices: vec![[0, 1, 2], [0, 2, 3]].into(), ..TriangleMesh::default() };
     scene_of(mesh, material, Vec3::new(0.0, 1.0, 0.2), Vec3::ZERO)
 }
 

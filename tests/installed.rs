@@ -93,7 +93,12 @@ fn box_of_host_c() -> Scene {
     let mut geometry = Geometry::default();
     for (i, (o, a, b, material)) in quads.into_iter().enumerate() {
         let positions = vec![o, o + a, o + a + b, o + b];
-        let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [0, 2, 3]], material, ..TriangleMesh::default() };
+        let mesh = TriangleMesh {
+            positions: positions.into(),
+            indices: vec![[0, 1, 2], [0, 2, 3]].into(),
+            material,
+            ..TriangleMesh::default()
+        };
         geometry.meshes.push(Arc::new(mesh));
         geometry.instances.push(Instance { mesh: i as u32, to_world: Affine3A::IDENTITY });
     }

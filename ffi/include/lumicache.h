@@ -41,7 +41,8 @@
 // Format of a view: three unsigned integers per element.
 #define LUMI_FORMAT_U32X3 19
 
-// Flag of a view: the buffer stays alive and unchanged until lumi_scene_commit has returned, which reads it; without the flag it is copied at once.
+// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all caches of it are released. lumi_scene_commit reads it; dense and aligned positions and indices of meshes with one material are not copied, other
+// arrays are. Without the flag everything is copied at once.
 #define LUMI_VIEW_SHARED 1
 
 // Flag of a material: emits from both faces.

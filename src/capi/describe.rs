@@ -6,7 +6,7 @@ use super::types::{
     LUMI_FORMAT_U32, LUMI_FORMAT_U32X3, LUMI_LIGHT_DIRECTIONAL, LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED,
     LUMI_WRAP_CLAMP, LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lumi_light_desc, lumi_material_desc, lumi_mesh_desc, lumi_texture_desc,
 };
-use super::views::Input;
+use super::views::{Input, lent};
 use crate::geometry::TriangleMesh;
 use crate::light::PunctualLight;
 use crate::material::{AlphaMode, Material};
@@ -49,7 +49,7 @@ pub(super) fn transform(floats: &[f32; 12], what: &str) -> Outcome<Affine3A> {
     Ok(m)
 }
 
-/// The meshes of `desc`, one for each material it uses; materials are below `materials`.
+/// The meshes of `desc`, one for each material it uses; materials are below `materials`. Positions and indices that the host shares stay where they are if they are dense and of one material.
 pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<TriangleMesh>> {
     let missing = |what: &str| Fault::argument(format!("mesh: there are no {what}"));
     let positions = Input::<f32, 3>::of_view(&desc.positions, LUMI_FORMAT_F32X3, "mesh: positions")?;
@@ -95,18 +95,17 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
         }
         by_material.entry(material).or_default().push(triangle);
     }
-    let whole = TriangleMesh { positions, normals, uv: [uv, None], colors, ..TriangleMesh::default() };
-    let count = by_material.len();
-    Ok(by_material
-        .into_iter()
-        .map(|(material, triangles)| {
-            if count == 1 {
-                TriangleMesh { indices: triangles, material, ..whole.clone() }
-            } else {
-                part(&whole, triangles, material)
-            }
-        })
-        .collect())
+    let whole = TriangleMesh { positions: positions.into(), normals, uv: [uv, None], colors, ..TriangleMesh::default() };
+    if by_material.len() > 1 {
+        return Ok(by_material.into_iter().map(|(material, triangles)| part(&whole, triangles, material)).collect());
+    }
+    let one = |(material, triangles): (u32, Vec<[u32; 3]>)| TriangleMesh {
+        positions: lent(&desc.positions).unwrap_or(whole.positions),
+        indices: lent(&desc.indices).unwrap_or_else(|| triangles.into()),
+        material,
+        ..whole
+    };
+    Ok(by_material.pop_first().map(one).into_iter().collect())
 }
 
 fn number_or_zero(x: f32) -> f32 {
@@ -133,11 +132,11 @@ fn part(whole: &TriangleMesh, mut triangles: Vec<[u32; 3]>, material: u32) -> Tr
         used.iter().map(|i| values[*i]).collect()
     }
     TriangleMesh {
-        positions: pick(&whole.positions, &used),
+        positions: pick(&whole.positions, &used).into(),
         normals: whole.normals.as_ref().map(|n| pick(n, &used)),
         uv: [whole.uv[0].as_ref().map(|t| pick(t, &used)), None],
         colors: whole.colors.as_ref().map(|c| pick(c, &used)),
-        indices: triangles,
+        indices: triangles.into(),
         material,
         ..TriangleMesh::default()
     }
@@ -247,4 +246,52 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
         LUMI_LIGHT_DIRECTIONAL => PunctualLight::Directional { direction: direction()?, irradiance: intensity },
         other => return Err(Fault::argument(format!("light: there is no kind {other}"))),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::types::{LUMI_VIEW_SHARED, lumi_view};
+    use super::*;
+
+    #[test]
+    fn shared_arrays_stay_where_they_are_if_they_are_as_ours() {
+        let corners = [[0.0_f32; 4], [1.0, 0.0, 0.0, 9.0], [0.0, 1.0, 0.0, 9.0]];
+        let dense = corners.map(|c| [c[0], c[1], c[2]]);
+        let triangles = [[0_u32, 1, 2], [2, 1, 0]];
+        let view =
+            |data: *const f32, stride, flags| lumi_view { data: data.cast(), count: 3, stride, format: LUMI_FORMAT_F32X3, flags };
+        let of = |positions: lumi_view, flags: u32, materials: Option<&[u32; 2]>| {
+            let none = lumi_view { data: std::ptr::null(), count: 0, stride: 0, format: 0, flags: 0 };
+            let indices = lumi_view { data: triangles.as_ptr().cast(), count: 2, stride: 0, format: LUMI_FORMAT_U32X3, flags };
+            let triangle_materials = materials.map_or(none, |m| lumi_view {
+                data: m.as_ptr().cast(),
+                count: 2,
+                stride: 0,
+                format: LUMI_FORMAT_U32,
+                flags: 0,
+            });
+            let desc = lumi_mesh_desc {
+                struct_size: 0,
+                flags: 0,
+                positions,
+                indices,
+                normals: none,
+                uv0: none,
+                colors: none,
+                triangle_materials,
+                material: 0,
+                reserved: 0,
+            };
+            meshes(&desc, 2).ok().unwrap()
+        };
+        let lent = |m: &TriangleMesh| (m.positions.is_lent(), m.indices.is_lent());
+        let shared = of(view(dense.as_ptr().cast(), 12, LUMI_VIEW_SHARED), LUMI_VIEW_SHARED, None);
+        assert_eq!((lent(&shared[0]), shared[0].positions.as_ptr().cast()), ((true, true), dense.as_ptr()));
+        assert_eq!((shared[0].positions[1], shared[0].indices[1]), (Vec3::X, [2, 1, 0]));
+        // Not asked for; not dense; of two materials.
+        assert_eq!(lent(&of(view(dense.as_ptr().cast(), 12, 0), LUMI_VIEW_SHARED, None)[0]), (false, true));
+        assert_eq!(lent(&of(view(corners.as_ptr().cast(), 16, LUMI_VIEW_SHARED), 0, None)[0]), (false, false));
+        let split = of(view(dense.as_ptr().cast(), 12, LUMI_VIEW_SHARED), LUMI_VIEW_SHARED, Some(&[0, 1]));
+        assert!(split.len() == 2 && split.iter().all(|m| lent(m) == (false, false)));
+    }
 }

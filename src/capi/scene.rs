@@ -52,11 +52,11 @@ impl Committed {
 /// A mesh as it was described.
 enum Described {
     Ready(Vec<TriangleMesh>),
-    /// Its buffers are read by the commit.
+    /// Its buffers are read by the commit, and some of them from then on.
     Shared(lumi_mesh_desc),
 }
 
-// SAFETY: the pointers of a shared mesh are only read, by the committing thread; the host keeps the buffers unchanged until then.
+// SAFETY: the pointers of a shared mesh are only read; the host keeps the buffers unchanged.
 unsafe impl Send for Described {}
 
 /// A scene while it is described.

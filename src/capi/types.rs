@@ -30,7 +30,8 @@ pub const LUMI_FORMAT_U32: u32 = 17;
 /// Format of a view: three unsigned integers per element.
 pub const LUMI_FORMAT_U32X3: u32 = 19;
 
-/// Flag of a view: the buffer stays alive and unchanged until lumi_scene_commit has returned, which reads it; without the flag it is copied at once.
+/// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all caches of it are released. lumi_scene_commit reads it; dense and aligned positions and indices of meshes with one material are not copied, other
+/// arrays are. Without the flag everything is copied at once.
 pub const LUMI_VIEW_SHARED: u32 = 1;
 
 /// An array in the host's memory. All zero: not there.

@@ -1,8 +1,11 @@
 //! Arrays in the host's memory: checked once, then read and written by index.
 
 use super::status::{Fault, Outcome};
-use super::types::lumi_view;
+use super::types::{LUMI_VIEW_SHARED, lumi_view};
+use crate::geometry::Buffer;
 use crate::math::Vec3;
+use bytemuck::Pod;
+use std::sync::Arc;
 
 /// Most elements of any array.
 const MAX_COUNT: usize = u32::MAX as usize;
@@ -110,4 +113,30 @@ impl<T: Copy, const N: usize> Output<T, N> {
         // SAFETY: i is below the count that the host gave for this address and stride, and the extent was checked; alignment is not asked for.
         unsafe { self.data.add(i * self.stride).cast::<[T; N]>().write_unaligned(value) };
     }
+}
+
+/// A dense array that stays in the host's memory.
+struct Lent<T> {
+    data: *const T,
+    count: usize,
+}
+
+// SAFETY: the host promises that memory which it shares stays readable and unchanged until scene and caches are released.
+unsafe impl<T: Sync> Sync for Lent<T> {}
+// SAFETY: as above.
+unsafe impl<T: Send> Send for Lent<T> {}
+
+impl<T: Pod> AsRef<[T]> for Lent<T> {
+    fn as_ref(&self) -> &[T] {
+        // SAFETY: the address is aligned and not NULL, all `count` elements were read when the array was checked, and any bits are a T.
+        unsafe { std::slice::from_raw_parts(self.data, self.count) }
+    }
+}
+
+/// The elements of `view`, which was checked, in the host's memory; `None` if the host does not share them, or not as we keep them: one behind the other and aligned.
+pub(super) fn lent<T: Pod + Send + Sync>(view: &lumi_view) -> Option<Buffer<T>> {
+    let data = view.data.cast::<T>();
+    let dense = view.stride == 0 || view.stride == size_of::<T>();
+    let usable = view.flags & LUMI_VIEW_SHARED != 0 && dense && data.is_aligned() && !data.is_null() && view.count > 0;
+    usable.then(|| Buffer::lent(Arc::new(Lent { data, count: view.count })))
 }

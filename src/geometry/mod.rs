@@ -1,7 +1,9 @@
 //! Triangle meshes, their instances, and the points of their surfaces.
 
+mod buffer;
 mod surface;
 
+pub use buffer::Buffer;
 pub use surface::{SurfacePoint, interpolate, offset_origin};
 
 use crate::math::{Affine3A, Vec2, Vec3, Vec4};
@@ -13,9 +15,9 @@ pub struct TriangleMesh {
     /// Name for messages.
     pub name: String,
     /// Vertex positions, finite.
-    pub positions: Vec<Vec3>,
+    pub positions: Buffer<Vec3>,
     /// Vertex indices of each triangle, all below `positions.len()`; the front face is the one whose vertices run counter-clockwise.
-    pub indices: Vec<[u32; 3]>,
+    pub indices: Buffer<[u32; 3]>,
     /// Shading normals, unit length; `None` means flat shading.
     pub normals: Option<Vec<Vec3>>,
     /// Tangents for normal maps: xyz is a unit vector, w the sign of the bitangent.

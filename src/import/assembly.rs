@@ -141,7 +141,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             } else {
                 skins::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
                 let mesh = &mut built.mesh;
-                built.degenerate += super::topology::drop_degenerate(&mut mesh.indices, &mesh.positions);
+                built.degenerate += super::topology::drop_degenerate(mesh.indices.to_mut(), &mesh.positions);
             }
             if let Some(placed) = self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)? {
                 self.instance(node, placed, to_world)?;

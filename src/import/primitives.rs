@@ -245,8 +245,8 @@ pub(super) fn build(primitive: &Primitive, weights: &[f32], accessors: &Accessor
     let influences = reader.influences()?;
     let mesh = TriangleMesh {
         name: String::new(),
-        positions,
-        indices: triangles,
+        positions: positions.into(),
+        indices: triangles.into(),
         // Without normals the given tangents mean nothing.
         tangents: if normals.is_some() { tangents } else { None },
         normals,

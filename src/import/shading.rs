@@ -120,7 +120,7 @@ fn select(mesh: &mut TriangleMesh, source: &[u32]) {
     fn pick<T: Copy>(values: &mut Vec<T>, source: &[u32]) {
         *values = source.iter().map(|i| values[*i as usize]).collect();
     }
-    pick(&mut mesh.positions, source);
+    pick(mesh.positions.to_mut(), source);
     mesh.normals.iter_mut().for_each(|v| pick(v, source));
     mesh.tangents.iter_mut().for_each(|v| pick(v, source));
     mesh.uv.iter_mut().flatten().for_each(|v| pick(v, source));
@@ -135,8 +135,8 @@ mod tests {
     fn quad(mirrored: bool) -> TriangleMesh {
         let left = if mirrored { 1.0 } else { -1.0 };
         TriangleMesh {
-            positions: vec![Vec3::ZERO, Vec3::Y, Vec3::X, Vec3::NEG_X],
-            indices: vec![[0, 2, 1], [0, 1, 3]],
+            positions: vec![Vec3::ZERO, Vec3::Y, Vec3::X, Vec3::NEG_X].into(),
+            indices: vec![[0, 2, 1], [0, 1, 3]].into(),
             normals: Some(vec![Vec3::Z; 4]),
             uv: [Some(vec![Vec2::ZERO, Vec2::NEG_Y, Vec2::X, Vec2::new(left, 0.0)]), None],
             ..TriangleMesh::default()
@@ -172,7 +172,7 @@ mod tests {
         fn map_positions(&self, positions: &[Vec3]) -> Vec<[Vec3; 3]>;
     }
 
-    impl MapPositions for Vec<[u32; 3]> {
+    impl MapPositions for [[u32; 3]] {
         fn map_positions(&self, positions: &[Vec3]) -> Vec<[Vec3; 3]> {
             self.iter().map(|t| t.map(|i| positions[i as usize])).collect()
         }

@@ -285,7 +285,8 @@ mod tests {
     fn lights() -> (Lights, Aabb) {
         let positions =
             vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.0, 0.0, 2.0), Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 1.0, 2.0)];
-        let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [3, 4, 5]], ..TriangleMesh::default() };
+        let mesh =
+            TriangleMesh { positions: positions.into(), indices: vec![[0, 1, 2], [3, 4, 5]].into(), ..TriangleMesh::default() };
         let geometry =
             Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] };
         let emitter =

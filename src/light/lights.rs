@@ -9,6 +9,7 @@ use super::triangle::View;
 use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
+use crate::sampling::unit_f32;
 
 /// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power
 /// says nothing about which of them is occluded.
@@ -146,7 +147,7 @@ impl Lights {
     /// all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come one after another. The same `seed` gives
     /// the same samples.
     pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
-        let comb = Comb { offset: f64::from(unit_float(hash(seed))), count };
+        let comb = Comb { offset: f64::from(unit_f32(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
             if let Some(light) = self.prepare(light, share.probability, p, n) {
                 let scramble = hash(seed ^ hash(share.choices.start.wrapping_add(0x9e37_79b9)));
@@ -333,12 +334,12 @@ fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u
 /// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with the nested scrambling of
 /// [Laine11, Sec. 3]).
 fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
-    let x = (i as f32 + unit_float(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
+    let x = (i as f32 + unit_f32(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
     let mut y = i.wrapping_add(hash(!scramble));
     for multiplier in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6_u32] {
         y ^= y.wrapping_mul(multiplier);
     }
-    Vec2::new(x.min(ONE_BELOW), unit_float(y.reverse_bits()))
+    Vec2::new(x.min(ONE_BELOW), unit_f32(y.reverse_bits()))
 }
 
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -348,9 +349,4 @@ fn hash(mut x: u32) -> u32 {
     x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
     x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
     x ^ (x >> 16)
-}
-
-/// The upper 24 bits as a number in [0, 1).
-fn unit_float(bits: u32) -> f32 {
-    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }

@@ -30,7 +30,12 @@ fn scene() -> Scene {
     let mut geometry = Geometry::default();
     for (k, ([corner, u, v], material)) in quads.into_iter().enumerate() {
         let positions = vec![corner, corner + u, corner + u + v, corner + v];
-        let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2], [0, 2, 3]], material, ..TriangleMesh::default() };
+        let mesh = TriangleMesh {
+            positions: positions.into(),
+            indices: vec![[0, 1, 2], [0, 2, 3]].into(),
+            material,
+            ..TriangleMesh::default()
+        };
         geometry.meshes.push(Arc::new(mesh));
         geometry.instances.push(Instance { mesh: k as u32, to_world: Affine3A::IDENTITY });
     }
