@@ -71,8 +71,7 @@ impl PathTracer<'_> {
             };
             let wo = point.frame.to_local(point.wo);
             let diffuse = bsdf.diffuse_albedo(wo);
-            let gloss = if served(&point, &bsdf) { luminance(bsdf.albedo(wo) - diffuse) } else { 0.0 };
-            let appearance = Appearance { reflectance: diffuse * INV_PI, gloss, direct: luminance(self.scene.emission(&point)) };
+            let appearance = Appearance { reflectance: diffuse * INV_PI, direct: luminance(self.scene.emission(&point)) };
             let number = seen.len();
             seen.push(Some((point, bsdf, appearance)));
             let v = Vertex { point, bsdf };

@@ -3,8 +3,8 @@
 use super::frame::{camera_sample, pixel_order};
 use super::settings::Settings;
 use crate::cache::{
-    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, Order, RadianceCache, RadiancePoints, Refinement,
-    Scheme, Sources,
+    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, Order, RadianceBands, RadianceCache, RadiancePoints,
+    Refinement, Scheme, Sources,
 };
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -216,6 +216,7 @@ fn gloss(scene: &Scene, settings: &Settings) -> Option<Gloss> {
         loss: scheme.radiance_loss,
         padding: scheme.radiance_padding,
         whole: scheme.radiance_diffuse,
+        forced: scheme.radiance_bands == RadianceBands::All,
     };
     let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
     let records = RadianceCache::new(scheme, settings.max_bounces, scene.size());
