@@ -124,7 +124,15 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
                 (all - without).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
             })
             .collect();
-        if differs.iter().zip(&valid).any(|(d, v)| *d && v.3) {
+        let nearest = (0..valid.len()).max_by(|a, b| valid[*a].0.total_cmp(&valid[*b].0)).unwrap();
+        let spared = |k: usize| k == nearest && scheme.refinement == Refinement::WeberNearest;
+        // The nearest one may differ alone: then another must go that differs from it.
+        let apart = |k: usize| {
+            let (a, b) = (&valid[k], &valid[nearest]);
+            (a.1 - b.1).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + a.2.max(b.2))
+        };
+        let removable = |k: usize| valid[k].3 && !spared(k) && (differs[k] || (spared(nearest) && differs[nearest] && apart(k)));
+        if (0..valid.len()).any(removable) {
             verdict.visible += 1;
         } else if differs.contains(&true) {
             verdict.excused += 1;
@@ -216,7 +224,7 @@ fn floor(direct: f32) -> Vec<(SurfacePoint, Appearance)> {
         .map(|_| {
             let position = Vec3::new(4.0 * rng.next_f32() - 2.0, 4.0 * rng.next_f32() - 2.0, 0.0);
             let at = SurfacePoint { position, ng: Vec3::Z, frame: Frame::from_normal(Vec3::Z), footprint: 0.005, ..template };
-            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), gloss: 0.0, direct })
+            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), direct })
         })
         .collect()
 }
@@ -283,7 +291,7 @@ fn light_through_a_slit() {
         errors.iter().sum::<f32>() / errors.len() as f32
     };
     let (at_edge, away) = (mean(0.21..0.51), mean(0.8..1.9));
-    assert!(at_edge < 0.35 && away > 0.49, "mean a {at_edge} at the edges, {away} away from them");
+    assert!(at_edge < 0.46 && away > 0.49, "mean a {at_edge} at the edges, {away} away from them");
 }
 
 /// CPU seconds of this thread.

@@ -498,6 +498,31 @@ fn hall() -> Vec<[Vec3; 3]> {
 }
 
 #[test]
+fn no_ray_that_meets_an_emitter_is_said_to_meet_none() {
+    let mut rng = Rng(8);
+    let mut triangles = random_triangles(&mut rng, 40, 0.2);
+    // One in a plane of the axes, which has no thickness.
+    triangles.push([Vec3::new(-0.3, 1.5, -0.3), Vec3::new(0.3, 1.5, -0.3), Vec3::new(0.0, 1.5, 0.3)]);
+    let lights = build(&triangles, true, Vec::new(), None);
+    let point = |rng: &mut Rng| Vec3::from_array(std::array::from_fn(|_| 6.0 * rng.next() - 3.0));
+    let mut spared = 0;
+    for k in 0..4000 {
+        let origin = point(&mut rng);
+        let [a, b, c] = triangles[k % triangles.len()];
+        let (u, v) = (rng.next(), rng.next());
+        let target = a + u.sqrt() * ((1.0 - v) * (b - a) + v * (c - a));
+        assert!(lights.may_shine_along(origin, (target - origin).normalize()), "{origin} {target}");
+        // Straight up, with zeros in the direction.
+        assert!(lights.may_shine_along(target - Vec3::Y, Vec3::Y));
+        spared += usize::from(!lights.may_shine_along(origin, point(&mut rng).normalize()));
+    }
+    assert!(spared > 400, "only {spared} rays are spared");
+    assert!(!lights.may_shine_along(Vec3::splat(9.0), Vec3::ONE.normalize()));
+    let sky = build(&[], true, Vec::new(), Some(uneven_map(4)));
+    assert!(sky.may_shine_along(Vec3::ZERO, Vec3::Y));
+}
+
+#[test]
 fn tree_beats_choice_by_power() {
     let triangles = hall();
     let geometry = geometry(&triangles);

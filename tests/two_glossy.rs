@@ -110,7 +110,7 @@ fn harmonics_of_the_hit_s_lobe_tell_its_change_where_they_represent_it() {
     // Ten bands hold a lobe of exponent 8.
     let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.6), exponent: 8.0 };
     let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
-    let settings = TableSettings { basis: BasisKind::Sh, order: 10, loss: 0.1, padding: false, whole: true };
+    let settings = TableSettings { basis: BasisKind::Sh, order: 10, loss: 0.1, padding: false, whole: true, forced: false };
     let tables = GlossyTables::new(scene.materials(), settings, &TableStore::default());
     let probe = SceneProbe::new(PathTracer { scene: &scene, max_bounces: 1 }).with_tables(Some(&tables));
     let of = |how| {

@@ -8,7 +8,7 @@ use super::fill::{FillStats, Filling};
 use super::locate::Locator;
 use super::outgoing::Outgoing;
 use super::radiance::{GlossyView, LobeCoefficients, Making, Radiance, RadiancePoints, Sources};
-use super::scheme::Weight;
+use super::scheme::{Refinement, Weight};
 use super::{Cache, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::RadianceProbe;
@@ -24,8 +24,6 @@ use std::sync::Arc;
 pub struct Appearance {
     /// Radiance towards the viewer per irradiance of indirect light, by the diffuse lobe: ρ/π.
     pub reflectance: Color,
-    /// Luminance of the directional albedo of the glossy lobes, where records serve them.
-    pub gloss: f32,
     /// Luminance of all other light that leaves the point towards the viewer, as far as it is known.
     pub direct: f32,
 }
@@ -38,8 +36,9 @@ struct Contribution {
     changes: u32,
     /// See [`Record::error_at`].
     error: f32,
-    /// Luminance of the radiance that leaves the point if this record alone is asked.
+    /// Luminance of the radiance that leaves the point if this record alone is asked, and its standard error.
     luminance: f32,
+    sigma: f32,
 }
 
 /// A record as one point sees it while the point decides.
@@ -95,6 +94,8 @@ struct Convergence<'a> {
 struct Rule {
     weight: Weight,
     contrast: f32,
+    /// See [`Refinement::WeberNearest`].
+    spares_nearest: bool,
 }
 
 impl Cache {
@@ -178,7 +179,11 @@ impl<'a> Convergence<'a> {
         let scheme = &cache.scheme;
         let mut convergence = Self {
             view: View { points, appearance, outgoing, orders, reach: filling.reach, in_front: cache.in_front() },
-            rule: Rule { weight: scheme.weight, contrast: scheme.contrast },
+            rule: Rule {
+                weight: scheme.weight,
+                contrast: scheme.contrast,
+                spares_nearest: scheme.refinement == Refinement::WeberNearest,
+            },
             locator: Locator::build(points),
             lists: vec![Vec::new(); points.len()],
             changes: vec![0; filling.records.len()],
@@ -318,7 +323,7 @@ impl<'a> Convergence<'a> {
                 record: c.record,
                 error: c.error,
                 luminance: c.luminance,
-                sigma: self.view.outgoing.sigma(appearance, record),
+                sigma: c.sigma,
                 share,
                 floor,
                 weight: self.rule.weight(c.error, share),
@@ -350,7 +355,9 @@ impl Rule {
         proposals
     }
 
-    /// Of the candidates whose absence would show, and that may still shrink, the one with the lowest weight.
+    /// The candidate to keep away: of those whose absence would show, and that may still shrink, the one with the lowest weight.
+    ///
+    /// The heaviest is spared where the rule says so: if it differs from the others, those are too far away, and of them the lightest goes that differs from it.
     fn worst(&self, candidates: &[Candidate], direct: f32) -> Option<usize> {
         let sums = |without: usize| {
             let others = candidates.iter().enumerate().filter(|(k, _)| *k != without);
@@ -363,15 +370,26 @@ impl Rule {
         }
         let mean = |(w, l, s): (f32, f32, f32)| (l / w, s.sqrt() / w);
         let (all, sigma_all) = mean(sums(usize::MAX));
+        let differ = |a: f32, b: f32, sigma: f32| (a - b).abs() > self.contrast * (all + direct) + sigma;
         let visible = |k: usize| {
             let (without, sigma) = mean(sums(k));
-            (all - without).abs() > self.contrast * (all + direct) + sigma_all.max(sigma)
+            differ(all, without, sigma_all.max(sigma))
         };
         let lighter = |a: &usize, b: &usize| {
             let (a, b) = (&candidates[*a], &candidates[*b]);
             a.weight.total_cmp(&b.weight).then(b.record.cmp(&a.record))
         };
-        (0..candidates.len()).filter(|&k| candidates[k].share > candidates[k].floor && visible(k)).min_by(lighter)
+        let free = (0..candidates.len()).filter(|&k| candidates[k].share > candidates[k].floor);
+        if !self.spares_nearest {
+            return free.filter(|&k| visible(k)).min_by(lighter);
+        }
+        let nearest = (0..candidates.len()).max_by(lighter)?;
+        let mut others = free.filter(|&k| k != nearest);
+        others.clone().filter(|&k| visible(k)).min_by(lighter).or_else(|| {
+            let n = &candidates[nearest];
+            let far = |c: &Candidate| differ(c.luminance, n.luminance, c.sigma.max(n.sigma));
+            visible(nearest).then(|| others.by_ref().filter(|&k| far(&candidates[k])).min_by(lighter))?
+        })
     }
 }
 
@@ -397,8 +415,8 @@ impl View<'_> {
     ) -> Option<Contribution> {
         let error = self.error(p, record)?;
         let (at, appearance) = (&self.points[p], &self.appearance[p]);
-        let luminance = self.outgoing.luminance((p, at), appearance, &self.reach, (record, radiance), scratch)?;
-        Some(Contribution { record: id, changes, error, luminance })
+        let (luminance, sigma) = self.outgoing.luminance((p, at), appearance, &self.reach, (record, radiance), scratch)?;
+        Some(Contribution { record: id, changes, error, luminance, sigma })
     }
 
     /// The contribution `c` to point `p` as the records are now.
@@ -445,7 +463,7 @@ impl PointSet {
 mod tests {
     use super::*;
 
-    const RULE: Rule = Rule { weight: Weight::Inverse, contrast: 0.02 };
+    const RULE: Rule = Rule { weight: Weight::Inverse, contrast: 0.02, spares_nearest: false };
 
     /// Records 0, 1, ... of these errors and luminances at a point; noiseless, allowed all of the level's error, and free to shrink to a tenth of it.
     fn candidates(all: &[(f32, f32)]) -> Vec<Candidate> {
@@ -468,6 +486,26 @@ mod tests {
         // Just beyond the point, and not further: the error is that of the point less 1e-4.
         assert_eq!(proposals, [(1, 0.8 - EPSILON)]);
         assert_eq!(three.len(), 2);
+    }
+
+    #[test]
+    fn the_nearest_is_spared_where_the_rule_says_so() {
+        let kind = Rule { spares_nearest: true, ..RULE };
+        // At record 0, over whose place the others reach. They agree with each other and hardly weigh: without them nothing changes, and without record 0 everything does.
+        let at_its_place = [(0.001, 1.0), (0.5, 1.5), (0.7, 1.5)];
+        assert_eq!(RULE.proposals(&mut candidates(&at_its_place), 0.0), [(0, 0.1)]);
+        let mut three = candidates(&at_its_place);
+        assert_eq!(kind.proposals(&mut three, 0.0), [(2, 0.7 - EPSILON), (1, 0.5 - EPSILON)]);
+        // One of them agrees with it and stays.
+        let mut three = candidates(&[(0.001, 1.0), (0.5, 1.5), (0.7, 1.0)]);
+        assert_eq!(kind.proposals(&mut three, 0.0), [(1, 0.5 - EPSILON)]);
+        // Where the others may not shrink any more, it does not have to suffer.
+        let mut two = candidates(&[(0.001, 1.0), (0.5, 1.5)]);
+        two[1].floor = two[1].share;
+        assert!(kind.proposals(&mut two, 0.0).is_empty());
+        // Elsewhere the rules agree.
+        let elsewhere = [(0.3, 1.0), (0.8, 1.2), (0.5, 1.01)];
+        assert_eq!(kind.proposals(&mut candidates(&elsewhere), 0.0), RULE.proposals(&mut candidates(&elsewhere), 0.0));
     }
 
     #[test]

@@ -407,7 +407,8 @@ impl<'a> Filling<'a> {
         self.stats.noisy += again.len() as u64;
         self.stats.gather_rays += (again.len() * layout.rays()) as u64;
         for (id, Made { record, radiance }) in again {
-            self.records[id] = Record { error: self.records[id].error, ..record };
+            let before = &self.records[id];
+            self.records[id] = Record { error: before.error, position: before.position, ..record };
             if let Some(radiance) = radiance {
                 self.radiance[id] = radiance;
             }
@@ -445,10 +446,10 @@ impl<'a> Filling<'a> {
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
-        let again = self.gather(samples, &moved, order);
-        // Where shading normals lean far from the surface the point may lie behind its own record: better a short record than none.
-        let valid = again.record.error_at(&self.reach, at, self.cache.in_front()).is_some_and(|e| e < 1.0);
-        if valid { (again, moved, true) } else { (made, *at, true) }
+        let mut again = self.gather(samples, &moved, order);
+        // Its rays start aside [Tabellion04, Sec. 3.1], but the record stays at the point: refinement may leave it an area that is smaller than the step, and the point would have no record.
+        again.record.position = at.position;
+        (again, moved, true)
     }
 
     fn gather(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {

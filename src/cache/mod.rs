@@ -43,8 +43,8 @@ pub use radiance_payload::{HitStorage, Storage};
 pub use radiance_placement::{RadianceMetric, RadiancePlacement, Reflector};
 pub use record::{Curve, Reach, Record};
 pub use scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceFrame, Refinement, Scheme, Strata,
-    Weight,
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands, RadianceFrame, Refinement,
+    Scheme, Strata, Weight,
 };
 
 use crate::gather::Deeper;

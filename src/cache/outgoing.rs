@@ -4,7 +4,7 @@ use super::converge::Appearance;
 use super::radiance::{LobeCoefficients, Maker, Radiance};
 use super::{Reach, Record};
 use crate::geometry::SurfacePoint;
-use crate::math::{INV_PI, luminance};
+use crate::math::luminance;
 
 /// The glossy lobe of shading point number `p` towards its viewer, if it has one that records serve.
 pub type Lobes<'a> = dyn Fn(usize, &mut LobeCoefficients) -> bool + Sync + 'a;
@@ -26,7 +26,9 @@ pub(super) enum Outgoing<'a> {
 }
 
 impl Outgoing<'_> {
-    /// Luminance of the radiance that leaves point `p`, which is `at`, if `record` alone is asked, whose radiance is `radiance`. `None` if it has too few bands for the point's lobe.
+    /// Luminance of the radiance that leaves point `p`, which is `at`, if `record` alone is asked, whose radiance is `radiance`, and its standard error. `None` if it has too few bands for the point's lobe.
+    ///
+    /// Published is the error of irradiance for all light [Krivanek06, Sec. 4.3]. A lobe sees few of the rays: what it sees is several times as uncertain, and refinement would follow noise.
     pub fn luminance(
         &self,
         (p, at): (usize, &SurfacePoint),
@@ -34,9 +36,9 @@ impl Outgoing<'_> {
         reach: &Reach,
         (record, radiance): (&Record, Option<&Radiance>),
         scratch: &mut LobeCoefficients,
-    ) -> Option<f32> {
+    ) -> Option<(f32, f32)> {
         let irradiance = record.irradiance_at(reach, at);
-        let diffuse = luminance(appearance.reflectance * irradiance);
+        let diffuse = (luminance(appearance.reflectance * irradiance), luminance(appearance.reflectance) * record.sigma);
         let (Self::Glossy { lobes, maker, padding }, Some(radiance)) = (self, radiance) else { return Some(diffuse) };
         if !lobes(p, scratch) {
             return Some(diffuse);
@@ -46,13 +48,10 @@ impl Outgoing<'_> {
         }
         let (_, slope) = reach.radius(record.length, record.footprint);
         maker.prepare(at, scratch);
-        let glossy = maker.leaving(radiance, at, slope * (at.position - record.position), irradiance, scratch);
-        Some(diffuse + luminance(glossy))
-    }
-
-    /// Standard error of that luminance: all light that the point reflects is taken to be as uncertain as its irradiance [Krivanek06, Sec. 4.3].
-    pub fn sigma(&self, appearance: &Appearance, record: &Record) -> f32 {
-        (luminance(appearance.reflectance) + INV_PI * appearance.gloss) * record.sigma
+        let offset = slope * (at.position - record.position);
+        let (glossy, sigma) = maker.leaving_with_error(radiance, at, offset, irradiance, scratch);
+        // Both come of the same rays.
+        Some((diffuse.0 + luminance(glossy), diffuse.1 + sigma))
     }
 
     /// True if the luminance costs much more than finding out whether a record is valid. Then it is not worked out anew when a record's area shrinks.

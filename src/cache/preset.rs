@@ -3,8 +3,8 @@
 use super::radiance_payload::{HitStorage, Storage};
 use super::radiance_placement::{RadianceMetric, RadiancePlacement};
 use super::scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceFrame, Refinement, Scheme, Strata,
-    Weight,
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands, RadianceFrame, Refinement,
+    Scheme, Strata, Weight,
 };
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
@@ -84,6 +84,7 @@ fn ward88() -> Scheme {
         radiance_levels: 1,
         radiance_basis: BasisKind::Hsh,
         radiance_loss: 0.05,
+        radiance_bands: RadianceBands::Needed,
         radiance_gradient: RadianceGradient::Boundary,
         radiance_density: Density::Cosine,
         radiance_rays: 1.0,
@@ -224,7 +225,7 @@ fn krivanek06() -> Scheme {
         error: 0.5,
         error_min: 0.05,
         neighbour_clamp: true,
-        refinement: Refinement::Weber,
+        refinement: Refinement::WeberNearest,
         // Nothing refines the deeper level: its records are allowed less from the start.
         deeper_error: 0.6,
         levels: 2,
@@ -250,7 +251,7 @@ fn hmdic() -> Scheme {
         deeper_error: 1.0,
         gradient_clamp: false,
         neighbour_clamp: true,
-        refinement: Refinement::Weber,
+        refinement: Refinement::WeberNearest,
         ..ward_heckbert92()
     }
 }

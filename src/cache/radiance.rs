@@ -5,7 +5,9 @@
 
 use super::radiance_payload::{HitStorage, Payload};
 use super::radiance_placement::{RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape};
-use super::{Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach, Record, Scheme};
+use super::{
+    Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach, Record, Refinement, Scheme,
+};
 use crate::basis::{Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
 use crate::error::Result;
 use crate::gather::{Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe, StoredHit};
@@ -30,6 +32,8 @@ pub(super) struct Radiance {
     surroundings: Option<Surroundings>,
     /// What its rays hit, if the scheme has it kept.
     hits: Vec<StoredHit>,
+    /// How uncertain the light is, see [`HemisphereSamples::uncertainty`], in the frame of the coefficients; empty if the scheme does not ask.
+    uncertainty: Vec<f32>,
 }
 
 /// Makes [`Radiance`] from gathers.
@@ -294,6 +298,10 @@ impl RadianceCache {
     }
 }
 
+/// Bands of what is kept of the uncertainty of light.
+const UNCERTAINTY_BANDS: usize = 6;
+/// The uncertainty of the light that a lobe sees is at least this share of its mean over the hemisphere: few bands of it may dip below zero.
+const LEAST_UNCERTAINTY: f32 = 0.1;
 /// Bands beyond those of a lobe that its tilted image has a noticeable share in.
 const SPILL: usize = 2;
 
@@ -306,6 +314,11 @@ impl LobeCoefficients {
             self.rotated.extend_from_slice(&run[..count]);
         }
         self.rotated.chunks_exact_mut(count).for_each(rotate);
+    }
+
+    /// The runs of the lobe as it is used with a record: in the frame of the point, or in that of the record if it was turned.
+    fn used(&self, turned: bool) -> [&[f32]; 3] {
+        if turned { self.rotated().0 } else { runs(&self.values).map(|run| &run[..run.len().min(self.order * self.order)]) }
     }
 
     /// The rotated runs of the lobe, and that of the cosine.
@@ -362,7 +375,15 @@ impl Making<'_> {
             HitStorage::None => Vec::new(),
             HitStorage::Frozen | HitStorage::Traced => samples.stored_hits(record.position),
         };
-        Radiance { frame: *samples.frame(), order, payload: maker.pack(response, samples.frame()), wo: at.wo, surroundings, hits }
+        let mut uncertainty = Vec::new();
+        if scheme.refinement != Refinement::None {
+            uncertainty = samples.uncertainty(maker.bases[order.min(UNCERTAINTY_BANDS) - 1].as_ref());
+            if maker.is_in_world() {
+                maker.rotation().rotate(&mut uncertainty, Turn::between(samples.frame(), &WORLD));
+            }
+        }
+        let payload = maker.pack(response, samples.frame());
+        Radiance { frame: *samples.frame(), order, payload, wo: at.wo, surroundings, hits, uncertainty }
     }
 
     /// Gives `record` the area that follows from what it holds, seen from its `wo`.
@@ -455,25 +476,59 @@ impl Maker {
         irradiance: Color,
         lobe: &mut LobeCoefficients,
     ) -> Color {
+        let turned = self.aim(record, at, lobe);
+        self.reflect(record, offset, irradiance, lobe, turned)
+    }
+
+    /// As [`Maker::leaving`], with the standard error of its luminance.
+    pub fn leaving_with_error(
+        &self,
+        record: &Radiance,
+        at: &SurfacePoint,
+        offset: Vec3,
+        irradiance: Color,
+        lobe: &mut LobeCoefficients,
+    ) -> (Color, f32) {
+        let turned = self.aim(record, at, lobe);
+        (self.reflect(record, offset, irradiance, lobe, turned), self.sigma(record, lobe, turned))
+    }
+
+    /// Turns `lobe` at `at` into the frame of `record` if that is another one; returns if it is.
+    fn aim(&self, record: &Radiance, at: &SurfacePoint, lobe: &mut LobeCoefficients) -> bool {
+        if self.is_in_world() {
+            return true;
+        }
+        if record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME {
+            return false;
+        }
+        let (turn, spill) = (Turn::between(&at.frame, &record.frame), if self.is_spherical() { 0 } else { SPILL });
+        lobe.rotate(&self.cosine, spill, |c| self.rotation().rotate(c, turn));
+        true
+    }
+
+    fn reflect(&self, record: &Radiance, offset: Vec3, irradiance: Color, lobe: &LobeCoefficients, turned: bool) -> Color {
         let most = self.vectors_used();
-        let same = record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME;
-        let radiance = if self.is_in_world() {
-            record.product(offset, lobe.rotated().0, most)
-        } else if same {
-            record.product(offset, runs(&lobe.values), most)
-        } else if self.is_spherical() {
-            let turn = Turn::between(&at.frame, &record.frame);
-            lobe.rotate(&self.cosine, 0, |c| self.rotation().rotate(c, turn));
-            record.product(offset, lobe.rotated().0, most)
-        } else {
-            let turn = Turn::between(&at.frame, &record.frame);
-            lobe.rotate(&self.cosine, SPILL, |c| self.rotation().rotate(c, turn));
-            let (lobe, cosine) = lobe.rotated();
-            let tilted = luminance(record.product(offset, [cosine; 3], most));
+        let mut radiance = record.product(offset, lobe.used(turned), most);
+        if turned && !self.is_spherical() {
+            let tilted = luminance(record.product(offset, [lobe.rotated().1; 3], most));
             let correction = luminance(irradiance) / tilted.max(1e-20);
-            record.product(offset, lobe, most) * correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION)
-        };
+            radiance *= correction.clamp(1.0 / MOST_CORRECTION, MOST_CORRECTION);
+        }
         radiance.max(Color::ZERO)
+    }
+
+    /// Standard error of the luminance of the light that `lobe` makes of the samples of `record`: `sqrt(|c|² v)`, v being the uncertainty averaged over the lobe.
+    fn sigma(&self, record: &Radiance, lobe: &LobeCoefficients, turned: bool) -> f32 {
+        let [r, g, b] = lobe.used(turned);
+        let of = |i: usize| luminance(Color::new(r[i], g[i], b[i]));
+        let norm: f32 = (0..r.len()).map(|i| of(i).powi(2)).sum();
+        let seen: f32 = record.uncertainty.iter().zip(0..r.len()).map(|(v, i)| v * of(i)).sum();
+        // Integrals over the hemisphere are those of the constant function, the first of the basis, which spherical harmonics have on the whole sphere.
+        let constant = if self.is_spherical() { (2.0 * TAU).sqrt() } else { TAU.sqrt() };
+        let mean = record.uncertainty.first().map_or(0.0, |v| v * constant / TAU);
+        let weight = of(0) * constant;
+        let v = if weight > 0.0 { seen / weight } else { mean };
+        (norm * v.max(LEAST_UNCERTAINTY * mean).max(0.0)).sqrt()
     }
 
     /// Made when the first rotation is asked for: flat surfaces need none.

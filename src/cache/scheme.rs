@@ -139,6 +139,19 @@ pub enum Refinement {
     None,
     /// Until no edge of a record's area on the first level is visible by the law of Weber, against the direct light: see [`Cache::converge`](super::Cache::converge) [Krivanek06].
     Weber,
+    /// The same, but the record that weighs most at a point is never kept from it. As published, the rule shrinks a record that alone differs from the others, and that is the nearest one
+    /// wherever farther ones reach over its place: good records vanish, bad ones stay.
+    WeberNearest,
+}
+
+/// Which bands of a glossy lobe its radiance records serve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RadianceBands {
+    /// As many as lose no more than `radiance_loss` of its energy; if `radiance_order` is not enough, paths serve it.
+    Needed,
+    /// All of them, of any lobe, whatever it loses: sharp lobes are blurred.
+    All,
 }
 
 /// In which order the shading points of the image are visited.
@@ -255,6 +268,8 @@ pub struct Scheme {
     pub radiance_basis: BasisKind,
     /// Largest share of a lobe's energy that its representation may lose [Krivanek05, Sec. 4.1]; a relative RMS error of e is e².
     pub radiance_loss: f32,
+    /// Which bands of a lobe records serve, and so which lobes.
+    pub radiance_bands: RadianceBands,
     /// How the translational gradient of radiance records is estimated. `boundary` needs strata `polar`; `per-sample` takes its place on others.
     pub radiance_gradient: RadianceGradient,
     /// Density of the rays of radiance records.
@@ -478,6 +493,9 @@ impl Scheme {
         }
         if !(self.radiance_loss > 0.0 && self.radiance_loss < 1.0) {
             return fail("setting `radiance_loss` must be between 0 and 1");
+        }
+        if self.radiance_bands == RadianceBands::All && self.radiance_order == 0 {
+            return fail("setting `radiance_bands` `all` needs a `radiance_order` above 0");
         }
         for (name, value) in [("radiance_rays", self.radiance_rays), ("radiance_error", self.radiance_error)] {
             if !(positive(value) && value <= 100.0) {

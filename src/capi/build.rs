@@ -58,9 +58,9 @@ impl CacheObject {
         let before = gloss.as_ref().map_or(0, |g| g.gather_rays());
         let mut caches = Caches::of(cache, gloss);
         let spots = spots(tracer, &mut caches, settings, &seeds, have_wo);
-        let look = |spots: &[Spot], service: Option<&Service>| -> Vec<Option<View>> {
+        let look = |spots: &[Spot], _: Option<&Service>| -> Vec<Option<View>> {
             let points: Vec<SurfacePoint> = spots.iter().map(|s| s.point).collect();
-            tracer.views_at(&points, seed, service)
+            tracer.views_at(&points, seed)
         };
         let deeper_points = settings.deeper_points as usize;
         caches.fill(&Job { tracer, deeper_points, round: 0, seed, look: &look, towards: None }, &spots, progress)?;

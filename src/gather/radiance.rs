@@ -2,7 +2,7 @@
 
 use super::{Density, HemisphereSamples, Layout, TriangleRadiance};
 use crate::basis::{Basis, Jet, LANES, Lane, Sh, index, triangle, zonal_factors};
-use crate::math::{Color, Vec2, Vec3};
+use crate::math::{Color, Vec2, Vec3, luminance};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
@@ -46,6 +46,34 @@ impl HemisphereSamples {
             sums.add(basis, &w, &weights);
         }
         sums.finish()
+    }
+
+    /// How uncertain incident light is: the coefficients of `v(w) = Ω(w) var L(w)`, the variance of the luminance of a sample from its stratum times the solid angle that it stands for, in the frame of the gather. What a lobe c makes of
+    /// the samples has the variance `∫ c² v dw`.
+    ///
+    /// The variance within a stratum is taken for half the mean square of its differences to the next ones in both directions.
+    pub fn uncertainty(&self, basis: &dyn Basis) -> Vec<f32> {
+        let b = &self.bundle;
+        let (row, rows) = match self.layout {
+            Layout::Polar { m, n } => (n as usize, m as usize),
+            Layout::Concentric { n } => (n as usize, n as usize),
+        };
+        let mut sums = Sums::new(basis);
+        for first in (0..b.len()).step_by(LANES) {
+            let sample = |k: usize| first + k < b.len();
+            let variance = |k: usize| {
+                let (j, i) = self.layout.cell(k);
+                let aside = j * row + if i + 1 < row { i + 1 } else { i - 1 };
+                let across = (if j + 1 < rows { j + 1 } else { j - 1 }) * row + i;
+                let square = |other: usize| luminance(b.radiance[k] - b.radiance[other]).powi(2);
+                0.25 * (square(aside) + square(across)) * self.solid_angle(k).powi(2)
+            };
+            let w = std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
+            sums.add(basis, &w, &std::array::from_fn(|k| if sample(k) { variance(first + k) * Color::X } else { Color::ZERO }));
+        }
+        let mut coefficients = sums.finish();
+        coefficients.truncate(basis.count());
+        coefficients
     }
 
     /// The change of the coefficients per unit along each tangent of the gather's frame, by the method `kind`.

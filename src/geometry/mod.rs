@@ -83,6 +83,16 @@ impl Aabb {
         if self.is_empty() { 0.0 } else { (self.max - self.min).length() }
     }
 
+    /// True if a ray from `origin` meets the box; `inverse` holds one over each component of its direction, infinite ones for zeros.
+    #[inline]
+    pub fn is_met(&self, origin: Vec3, inverse: Vec3) -> bool {
+        let (a, b) = ((self.min - origin) * inverse, (self.max - origin) * inverse);
+        // A ray within the plane of a side gives 0 · ∞ there, which bounds nothing.
+        let known = |v: Vec3, other: Vec3| Vec3::select(v.is_nan_mask(), -other, v);
+        let (a, b) = (known(a, b), known(b, a));
+        a.min(b).max_element().max(0.0) <= a.max(b).min_element()
+    }
+
     /// Middle of the box.
     pub fn center(&self) -> Vec3 {
         0.5 * (self.min + self.max)

@@ -177,8 +177,11 @@ impl<'a> CachedIntegrator<'a> {
             }
             let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };
             if scattered.lobe != Lobe::Delta {
-                let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
                 // Where records serve the gloss too, the direction only looks for emitters, which light samples alone would find with more noise.
+                if served && !scene.lights().may_shine_along(next.origin, next.dir) {
+                    return out;
+                }
+                let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
                 let tracer = if served { PathTracer { max_bounces: bounces, ..self.tracer } } else { self.tracer };
                 let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.known()));
                 if bounces == 0 {

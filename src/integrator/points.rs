@@ -58,21 +58,17 @@ impl PathTracer<'_> {
     pub fn views(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
         let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
         let vertex = |(camera, seed): &(CameraRay, u64)| Some((self.first_vertex(camera, *seed, usable)?.0, *seed));
-        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex), service)).collect()
+        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex))).collect()
     }
 
     /// As [`PathTracer::views`] for the surfaces that pass through `points`.
-    pub fn views_at(&self, points: &[SurfacePoint], seed: u64, service: Option<&Service>) -> Vec<Option<View>> {
+    pub fn views_at(&self, points: &[SurfacePoint], seed: u64) -> Vec<Option<View>> {
         let vertex = |at: &SurfacePoint| Some((self.surface_at(at, seed)?, hash(&[seed, position_hash(at)])));
-        points.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex), service)).collect()
+        points.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex))).collect()
     }
 
     /// The views of vertices, each with a seed.
-    fn views_of(
-        &self,
-        vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>,
-        service: Option<&Service>,
-    ) -> Vec<Option<View>> {
+    fn views_of(&self, vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>) -> Vec<Option<View>> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
         let mut seen: Vec<Option<View>> = Vec::with_capacity(vertices.len());
         for found in vertices {
@@ -82,8 +78,7 @@ impl PathTracer<'_> {
             };
             let wo = point.frame.to_local(point.wo);
             let diffuse = bsdf.diffuse_albedo(wo);
-            let gloss = if radiance_order(service, &point, &bsdf) > 0 { luminance(bsdf.albedo(wo) - diffuse) } else { 0.0 };
-            let appearance = Appearance { reflectance: diffuse * INV_PI, gloss, direct: luminance(self.scene.emission(&point)) };
+            let appearance = Appearance { reflectance: diffuse * INV_PI, direct: luminance(self.scene.emission(&point)) };
             let number = seen.len();
             seen.push(Some((point, bsdf, appearance)));
             let v = Vertex { point, bsdf };

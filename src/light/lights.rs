@@ -14,6 +14,8 @@ use crate::sampling::unit_f32;
 /// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power
 /// says nothing about which of them is occluded.
 const MIN_SHARE: f32 = 0.2;
+/// Most boxes around the emissive triangles.
+const BOXES: usize = 8;
 /// Marks a triangle that does not emit.
 const NONE: u32 = u32::MAX;
 
@@ -34,6 +36,8 @@ pub struct Lights {
     infinite_share: f32,
     /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty for an instance that does not emit.
     emitters: Vec<Vec<u32>>,
+    /// Boxes around all emissive triangles, at most `BOXES`.
+    boxes: Vec<Aabb>,
     power: Color,
 }
 
@@ -76,6 +80,7 @@ impl Lights {
             emitters: index_emitters(geometry, tree.triangles()),
             power: finite_power + (fluence + parallel) * (PI * radius * radius),
             infinite_share: share,
+            boxes: boxes(tree.triangles()),
             tree,
             environment,
             directional,
@@ -90,6 +95,12 @@ impl Lights {
     /// True if light comes from all directions at infinity.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
+    }
+
+    /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever is in its way.
+    pub fn may_shine_along(&self, origin: Vec3, direction: Vec3) -> bool {
+        let inverse = direction.recip();
+        self.has_environment() || self.boxes.iter().any(|b| b.is_met(origin, inverse))
     }
 
     /// Number of emissive triangles that have area and radiance.
@@ -246,6 +257,17 @@ impl Lights {
         };
         Some(Prepared { kind, probability: probability as f32, n })
     }
+}
+
+/// Boxes around `triangles`, which are in an order that keeps near ones together; a little larger than they are, against rounding.
+fn boxes(triangles: &[TriangleLight]) -> Vec<Aabb> {
+    let group = |lights: &[TriangleLight]| {
+        let corners = lights.iter().flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]]);
+        let tight = corners.fold(Aabb::EMPTY, Aabb::with);
+        let margin = 1e-4 * tight.diagonal() + 1e-5 * tight.min.abs().max(tight.max.abs()).max_element();
+        Aabb { min: tight.min - margin, max: tight.max + margin }
+    };
+    triangles.chunks(triangles.len().div_ceil(BOXES).max(1)).map(group).collect()
 }
 
 /// A chosen light with what all samples of it from one receiver share.

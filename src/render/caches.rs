@@ -1,8 +1,8 @@
 //! The caches that a frame, all frames of a sequence, or a host's questions are answered from, and how they are filled.
 
 use crate::cache::{
-    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceCache, RadiancePoints, Refinement, Scheme,
-    Sources,
+    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceBands, RadianceCache, RadiancePoints,
+    Refinement, Scheme, Sources,
 };
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -41,6 +41,7 @@ impl Gloss {
             loss: scheme.radiance_loss,
             padding: scheme.radiance_padding,
             whole: scheme.radiance_diffuse,
+            forced: scheme.radiance_bands == RadianceBands::All,
         };
         let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
         if tables.is_empty() && !scheme.radiance_diffuse {

@@ -44,6 +44,8 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
             "fill_lookups": fill.lookups,
             "fill_hits": fill.hits,
             "retaken": fill.retaken,
+            "passes": fill.passes,
+            "reductions": fill.reductions,
         })
     });
     // Parts of rendering that run on all threads at once: their thread seconds, and the wall seconds that is on average.

@@ -167,7 +167,7 @@ mod tests {
     use crate::material::{Material, NativeBrdf};
 
     fn tables(kind: BasisKind, brdf: NativeBrdf) -> (GlossyTables, Bsdf) {
-        let settings = TableSettings { basis: kind, order: 8, loss: 0.5, padding: true, whole: false };
+        let settings = TableSettings { basis: kind, order: 8, loss: 0.5, padding: true, whole: false, forced: false };
         let material = Material { native: Some(brdf), ..Material::default() };
         (GlossyTables::new(&[material], settings, &TableStore::default()), Bsdf::native(brdf))
     }

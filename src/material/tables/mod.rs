@@ -30,6 +30,8 @@ pub struct TableSettings {
     pub padding: bool,
     /// Lobes are given with all bands, and not with those alone that `loss` asks for.
     pub whole: bool,
+    /// Lobes need all bands, and none is of high frequency, whatever it loses.
+    pub forced: bool,
 }
 
 impl Entry {
@@ -148,6 +150,9 @@ impl GlossyTables {
 
     /// The highest order that any of `terms` needs for `wo`.
     fn order_of(&self, terms: &[Option<Term>; 4], wo: Vec3) -> Option<usize> {
+        if self.settings.forced {
+            return terms.iter().any(Option::is_some).then_some(self.settings.order);
+        }
         let order = |t: &Term| t.entry.table.needed_order(wo, &t.tints, self.settings.loss);
         terms.iter().flatten().map(order).try_fold(0, |most, order| Some(most.max(order?))).filter(|&n| n > 0)
     }
