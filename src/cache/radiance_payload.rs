@@ -99,10 +99,16 @@ impl Payload {
         let used = self.count.min(c[0].len());
         let vectors = &self.vectors[..self.vectors.len().min(most)];
         let channel = |k: usize| {
-            let term = |v: &Vector| v.dot(k * self.count, &c[k][..used]);
-            let value = term(&vectors[0]);
-            let [_, s, t, rest @ ..] = vectors else { return value };
-            let first = offset.x * term(s) + offset.y * term(t);
+            let (at, c) = (k * self.count, &c[k][..used]);
+            let term = |v: &Vector| v.dot(at, c);
+            let [value, s, t, rest @ ..] = vectors else { return term(&vectors[0]) };
+            let [value, s, t] = match [value, s, t] {
+                [Vector::Single(value), Vector::Single(s), Vector::Single(t)] => {
+                    super::radiance::dots(c, [value, s, t].map(|v| &v[at..at + used]))
+                }
+                halves => halves.map(term),
+            };
+            let first = offset.x * s + offset.y * t;
             let [ss, st, tt] = rest else { return value + first };
             let second =
                 0.5 * offset.x * offset.x * term(ss) + offset.x * offset.y * term(st) + 0.5 * offset.y * offset.y * term(tt);
