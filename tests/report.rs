@@ -8,7 +8,7 @@ use std::path::Path;
 
 fn plan(presets: &[&str], records: &[usize]) -> Plan {
     let presets = presets.iter().map(|p| (*p).to_owned()).collect();
-    Plan { presets, records: records.to_vec(), rays: 64, reference_rays: 512, reference: None }
+    Plan { presets, settings: Vec::new(), records: records.to_vec(), rays: 64, reference_rays: 512, reference: None }
 }
 
 #[test]

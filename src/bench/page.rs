@@ -20,7 +20,7 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
         "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title>\n<style>body{{font:15px sans-serif;margin:2em}}table{{border-collapse:collapse}}\
          td,th{{padding:3px 10px;text-align:right;border-bottom:1px solid #ccc}}td:first-child,th:first-child{{text-align:left}}figure{{display:inline-block;margin:6px}}\
          figcaption{{font-size:13px}}</style>\n<h1>{title}</h1>\n<p>Indirect irradiance at {points} shading points ({w}x{h} pixels); {rays} rays per record; {reference}. \
-         relMSE is the mean of (x - r)&sup2;/(r&sup2; + 0.01).</p>\n",
+         relMSE is the mean of (x - r)&sup2;/(r&sup2; + 0.01). Own errors are what is left without the noise of the reference.</p>\n",
         title = escape(&report.title),
         points = report.points,
         w = report.size[0],
@@ -32,14 +32,15 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
             (n, None) => format!("reference by {n} path-traced rays per pixel"),
         },
     );
-    page += "<table><tr><th>preset<th>wanted<th>records<th>error<th>passes<th>fill, s<th>RMSE<th>relMSE<th>MAPE<th>mean</tr>\n";
+    page += "<table><tr><th>preset<th>wanted<th>records<th>error<th>passes<th>fill, s<th>RMSE<th>relMSE<th>own RMSE<th>own relMSE<th>MAPE<th>mean</tr>\n";
     for r in &report.rows {
+        let optional = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.3e}"));
         let mean = r.mean_ratio.map_or_else(|| "-".to_owned(), |m| format!("{m:.4}"));
         let star = if r.equal { "" } else { "*" };
         // Writing to a string cannot fail, here and below.
         let _ = writeln!(
             page,
-            "<tr><td>{}<td>{}<td>{}{star}<td>{:.3}<td>{}<td>{:.1}<td>{:.3e}<td>{:.3e}<td>{:.2} %<td>{mean}</tr>",
+            "<tr><td>{}<td>{}<td>{}{star}<td>{:.3e}<td>{}<td>{:.1}<td>{:.3e}<td>{:.3e}<td>{}<td>{}<td>{:.2} %<td>{mean}</tr>",
             escape(&r.preset),
             r.wanted,
             r.records,
@@ -48,6 +49,8 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
             r.seconds,
             r.rmse,
             r.relmse,
+            optional(r.own_rmse),
+            optional(r.own_relmse),
             100.0 * r.mape
         );
     }

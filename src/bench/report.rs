@@ -4,7 +4,7 @@
 //! shading point, with many more rays.
 
 use super::page;
-use crate::cache::{Appearance, Cache, Contents, Extrapolation, LevelPoints, Order, Preset, Refinement, Scheme};
+use crate::cache::{Appearance, Cache, Contents, LevelPoints, Order, Preset, Refinement, Scheme};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
@@ -26,15 +26,22 @@ use std::time::Instant;
 /// Numbers of records within this share of the wanted one are as good as equal.
 const TOLERANCE: f64 = 0.05;
 /// Most errors that are tried for one number of records.
-const ATTEMPTS: usize = 10;
-/// Attribute of a reference file: its own relMSE.
-const NOISE: &str = "noise";
+const ATTEMPTS: usize = 16;
+/// Bounds of the areas that all schemes share, unless a plan says otherwise: what differs is how they use the room between.
+const BOUNDS: [(&str, &str); 3] = [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
+/// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of records depends little on them.
+const ROUGH: u32 = 8;
+const ROUGH_RAYS: u32 = 256;
+/// Attributes of a reference file: its own relMSE and RMSE.
+const NOISE: [&str; 2] = ["noise", "noise_rmse"];
 
 /// What to compare.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Names of presets.
+    /// What [`variant`] understands.
     pub presets: Vec<String>,
+    /// Settings of all of them, keys and values; those of a variant come later.
+    pub settings: Vec<(String, String)>,
     /// Numbers of records.
     pub records: Vec<usize>,
     /// Rays per record, the same for all.
@@ -48,7 +55,7 @@ pub struct Plan {
 /// One scheme with one number of records.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Name of the preset.
+    /// The preset, as the plan names it.
     pub preset: String,
     /// Wanted number of records.
     pub wanted: usize,
@@ -56,7 +63,7 @@ pub struct Row {
     pub records: usize,
     /// It is within 5 %.
     pub equal: bool,
-    /// The allowed error that gives this number. Where the scheme refines, the smallest allowed error and the visible contrast are scaled with it; where it extrapolates along axes, their error.
+    /// The allowed error that gives this number, all else being scaled with it as [`Scheme::scale_error`] does.
     pub error: f32,
     /// Passes of refinement.
     pub passes: u32,
@@ -68,6 +75,10 @@ pub struct Row {
     pub rmse: f64,
     /// Mean of (x - r)²/(r² + 0.01).
     pub relmse: f64,
+    /// `rmse` less the noise of the reference, which is in it squared; `None` where that is not known.
+    pub own_rmse: Option<f64>,
+    /// `relmse` less that of the reference itself.
+    pub own_relmse: Option<f64>,
     /// Mean of |x - r|/(|r| + 0.01).
     pub mape: f64,
     /// Sum of the irradiance over that of the reference.
@@ -93,6 +104,8 @@ pub struct Report {
     pub reference_rays: u32,
     /// relMSE of the reference itself; every row's contains it. `None` where it is not known.
     pub noise: Option<f64>,
+    /// RMSE of the reference itself.
+    pub noise_rmse: Option<f64>,
     /// Scheme by scheme.
     pub rows: Vec<Row>,
 }
@@ -122,8 +135,8 @@ struct Attempt {
 /// # Errors
 /// [`Error::InvalidArgument`] for an unknown preset, an empty plan or paths without bounces; those of reading the reference and of writing; [`Error::Cancelled`].
 pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder: &Path, progress: &Progress) -> Result<Report> {
-    let presets = plan.presets.iter().map(|name| Preset::by_name(name)).collect::<Result<Vec<_>>>()?;
-    if presets.is_empty() || plan.records.is_empty() || plan.records.contains(&0) || settings.max_bounces == 0 {
+    let schemes = plan.presets.iter().map(|text| variant(text, &plan.settings)).collect::<Result<Vec<_>>>()?;
+    if schemes.is_empty() || plan.records.is_empty() || plan.records.contains(&0) || settings.max_bounces == 0 {
         return Err(Error::InvalidArgument("a report needs presets, numbers of records above 0, and bounces".into()));
     }
     let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
@@ -136,10 +149,10 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
         None => experiment.reference(plan.reference_rays)?,
     };
     exr::write(&folder.join("reference.exr"), &reference)?;
-    let noise = match reference.attribute(NOISE) {
+    let [noise, noise_rmse] = NOISE.map(|name| match reference.attribute(name) {
         Some(Attribute::Double(noise)) => Some(*noise),
         _ => None,
-    };
+    });
     let mut report = Report {
         title: title.to_owned(),
         size: settings.size,
@@ -147,28 +160,34 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
         rays: plan.rays,
         reference_rays: if plan.reference.is_some() { 0 } else { plan.reference_rays },
         noise,
+        noise_rmse,
         rows: Vec::new(),
     };
     let brightness = colors(&reference);
     let mean = brightness.iter().map(|c| luminance(*c)).sum::<f32>() / points.max(1) as f32;
     let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
     experiment.picture(&folder.join("reference.png"), &brightness, exposure)?;
-    for preset in presets {
-        let base = Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents: Contents::Indirect, ..preset.scheme() };
+    for (preset, scheme) in plan.presets.iter().zip(schemes) {
+        let base = Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents: Contents::Indirect, ..scheme };
         base.check()?;
+        let file: String = preset.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect();
         let mut scale = 1.0;
         for &wanted in &plan.records {
+            let rough = Scheme { rays: (base.rays / ROUGH).max(ROUGH_RAYS), ..base.clone() };
+            if rough.rays < base.rays {
+                experiment.search(&rough, wanted, &mut scale)?;
+            }
             let attempt = experiment.search(&base, wanted, &mut scale)?;
             let (image, uncovered) = experiment.irradiance(&attempt, plan.rays);
             let found = compare(&experiment.layers(&image), &reference, &compare::Options::default())?;
             let records = attempt.records();
-            let name = |kind: &str| format!("{}-{wanted}{kind}.png", preset.name);
+            let name = |kind: &str| format!("{file}-{wanted}{kind}.png");
             let (picture, difference) = (name(""), name("-difference"));
             let differences: Vec<Color> = image.iter().zip(&brightness).map(|(x, r)| 4.0 * (*x - *r).abs()).collect();
             experiment.picture(&folder.join(&picture), &image, exposure)?;
             experiment.picture(&folder.join(&difference), &differences, exposure)?;
             report.rows.push(Row {
-                preset: preset.name.to_owned(),
+                preset: preset.clone(),
                 wanted,
                 records,
                 equal: (records as f64 / wanted as f64 - 1.0).abs() <= TOLERANCE,
@@ -178,6 +197,8 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
                 uncovered,
                 rmse: found.rmse,
                 relmse: found.relmse,
+                own_rmse: noise_rmse.map(|n| (found.rmse * found.rmse - n * n).max(0.0).sqrt()),
+                own_relmse: noise.map(|n| (found.relmse - n).max(0.0)),
                 mape: found.mape,
                 mean_ratio: found.mean_ratio,
                 picture,
@@ -190,6 +211,25 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
     write_atomically(&folder.join("report.csv"), report.csv().as_bytes())?;
     write_atomically(&folder.join("index.html"), page::html(&report, folder)?.as_bytes())?;
     Ok(report)
+}
+
+/// The scheme that `text` names: a preset, and settings behind colons, as in `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all have in common, normals
+/// up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's diagonal, and then `settings`.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] naming what there is none of, or what a setting takes.
+pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
+    let mut parts = text.split(':');
+    let mut scheme = Preset::by_name(parts.next().unwrap_or_default())?.scheme();
+    BOUNDS.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
+    settings.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
+    for part in parts {
+        let (key, value) = part
+            .split_once('=')
+            .ok_or_else(|| Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`")))?;
+        scheme.set(key, value)?;
+    }
+    Ok(scheme)
 }
 
 impl Attempt {
@@ -219,8 +259,10 @@ impl Experiment<'_> {
         let mean: Vec<Color> = a.iter().zip(&b).map(|(a, b)| 0.5 * (*a + *b)).collect();
         let mut reference = self.layers(&mean);
         // The halves differ by twice the variance of each, the mean has half of that variance.
-        let noise = 0.25 * compare(&self.layers(&a), &self.layers(&b), &compare::Options::default())?.relmse;
-        reference.attributes.push((NOISE.into(), Attribute::Double(noise)));
+        let halves = compare(&self.layers(&a), &self.layers(&b), &compare::Options::default())?;
+        for (name, value) in NOISE.into_iter().zip([0.25 * halves.relmse, 0.5 * halves.rmse]) {
+            reference.attributes.push((name.into(), Attribute::Double(value)));
+        }
         Ok(reference)
     }
 
@@ -253,14 +295,8 @@ impl Experiment<'_> {
     }
 
     fn attempt(&self, base: &Scheme, scale: f32) -> Result<Attempt> {
-        let mut scheme = Scheme { error: scale * base.error, ..base.clone() };
-        if scheme.refinement != Refinement::None {
-            scheme.error_min *= scale;
-            scheme.contrast *= scale;
-        }
-        if scheme.extrapolation == Extrapolation::Axes {
-            scheme.axis_error *= scale;
-        }
+        let mut scheme = base.clone();
+        scheme.scale_error(scale);
         let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
         let round = if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
         let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..self.settings.clone() });
@@ -321,12 +357,27 @@ fn colors(layers: &Layers) -> Vec<Color> {
 impl Report {
     /// The rows as comma-separated values with a header.
     pub fn csv(&self) -> String {
-        let mut text = "preset,wanted,records,equal,error,passes,seconds,uncovered,rmse,relmse,mape,mean_ratio\n".to_owned();
+        let mut text =
+            "preset,wanted,records,equal,error,passes,seconds,uncovered,rmse,relmse,own_rmse,own_relmse,mape,mean_ratio\n"
+                .to_owned();
+        let optional = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:.6e}"));
         for r in &self.rows {
             let mean = r.mean_ratio.map_or_else(String::new, |m| format!("{m:.6}"));
             text += &format!(
-                "{},{},{},{},{},{},{:.3},{},{:.6e},{:.6e},{:.6e},{mean}\n",
-                r.preset, r.wanted, r.records, r.equal, r.error, r.passes, r.seconds, r.uncovered, r.rmse, r.relmse, r.mape
+                "{},{},{},{},{},{},{:.3},{},{:.6e},{:.6e},{},{},{:.6e},{mean}\n",
+                r.preset,
+                r.wanted,
+                r.records,
+                r.equal,
+                r.error,
+                r.passes,
+                r.seconds,
+                r.uncovered,
+                r.rmse,
+                r.relmse,
+                optional(r.own_rmse),
+                optional(r.own_relmse),
+                r.mape
             );
         }
         text
@@ -334,18 +385,29 @@ impl Report {
 
     /// The rows as a table for people.
     pub fn text(&self) -> String {
-        let mut text =
-            format!("{:<18}{:>8}{:>9}{:>9}{:>12}{:>12}{:>9}\n", "preset", "wanted", "records", "error", "rmse", "relmse", "mean");
+        let width = self.rows.iter().map(|r| r.preset.len()).max().unwrap_or(0).max(16) + 2;
+        let mut text = format!(
+            "{:<width$}{:>8}{:>9}{:>10}{:>12}{:>12}{:>12}{:>12}{:>9}\n",
+            "preset", "wanted", "records", "error", "rmse", "relmse", "own rmse", "own relmse", "mean"
+        );
+        let optional = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.4e}"));
         for r in &self.rows {
             let mean = r.mean_ratio.map_or_else(|| "-".to_owned(), |m| format!("{m:.4}"));
             let mark = if r.equal { ' ' } else { '*' };
             text += &format!(
-                "{:<18}{:>8}{:>8}{mark}{:>9.3}{:>12.4e}{:>12.4e}{mean:>9}\n",
-                r.preset, r.wanted, r.records, r.error, r.rmse, r.relmse
+                "{:<width$}{:>8}{:>8}{mark}{:>10.3e}{:>12.4e}{:>12.4e}{:>12}{:>12}{mean:>9}\n",
+                r.preset,
+                r.wanted,
+                r.records,
+                r.error,
+                r.rmse,
+                r.relmse,
+                optional(r.own_rmse),
+                optional(r.own_relmse)
             );
         }
         if let Some(noise) = self.noise {
-            text += &format!("relMSE of the reference itself: {noise:.2e}\n");
+            text += &format!("relMSE of the reference itself: {noise:.2e}; own errors are without the reference's\n");
         }
         if self.rows.iter().any(|r| !r.equal) {
             text += "* more than 5 % from the wanted number: no error that was tried gives it\n";

@@ -234,12 +234,12 @@ impl Index {
     /// Calls `visit(entry, error, n_i × n is left to the caller)` for every record valid at `at`.
     #[inline]
     fn valid(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(&Entry, f32)) {
-        let n = at.frame.n;
+        let (n, least) = (at.frame.n, self.reach.least_cosine());
         for e in self.leaf(at.position) {
             let offset = at.position - e.position;
             let d2 = offset.length_squared();
             let cosine = n.dot(e.normal);
-            if d2 * e.inverse_radius * e.inverse_radius >= 1.0 || cosine <= 0.0 || e.id >= limit {
+            if d2 * e.inverse_radius * e.inverse_radius >= 1.0 || cosine <= least || e.id >= limit {
                 continue;
             }
             let d = d2.sqrt();

@@ -1,5 +1,6 @@
 //! The published schemes as rows of a table.
 
+use super::axes::MAX_TILT;
 use super::radiance_payload::{HitStorage, Storage};
 use super::radiance_placement::{RadianceMetric, RadiancePlacement};
 use super::scheme::{
@@ -9,6 +10,10 @@ use super::scheme::{
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{Density, HitChange, RadianceGradient, TranslationalGradient, TriangleRadiance};
+use std::f32::consts::FRAC_PI_2;
+
+/// In radians, the limit of normals of [Tabellion04].
+const TEN_DEGREES: f32 = 0.174_533;
 
 /// A named scheme.
 pub struct Preset {
@@ -56,6 +61,7 @@ fn ward88() -> Scheme {
         nearest_scale: 1.0,
         kernel: Kernel::Ward,
         weight: Weight::Inverse,
+        normal_limit: FRAC_PI_2,
         error: 0.15,
         deeper_error: 1.5,
         smoothing: 1.0,
@@ -119,6 +125,7 @@ fn tabellion04() -> Scheme {
     Scheme {
         metric: Metric::MinimumRestricted,
         kernel: Kernel::Tabellion,
+        normal_limit: TEN_DEGREES,
         weight: Weight::Hat,
         error: 1.0,
         deeper_error: 1.0,
@@ -150,6 +157,7 @@ fn scotty3d() -> Scheme {
         deeper_rays: 1.0,
         metric: Metric::Minimum,
         kernel: Kernel::Tabellion,
+        normal_limit: TEN_DEGREES,
         weight: Weight::Hat,
         error: 1.0,
         deeper_error: 1.0,
@@ -172,6 +180,7 @@ fn jarosz12() -> Scheme {
         error_measure: ErrorMeasure::Total,
         footprint: FootprintKind::Ellipse,
         kernel: Kernel::Schwarzhaupt,
+        normal_limit: 0.2,
         weight: Weight::Hat,
         error: 1e-5,
         // Radii grow as the fourth root of it: by 1.5, as elsewhere.
@@ -263,11 +272,14 @@ fn aric11() -> Scheme {
         // Published is no bound. Beside a wall the samples say little of places further along it.
         max_aspect: 4.0,
         kernel: Kernel::Ribardiere,
+        normal_limit: MAX_TILT,
         weight: Weight::Hat,
         error: 1.0,
         deeper_error: 1.0,
         contents: Contents::DirectAndIndirect,
         extrapolation: Extrapolation::Axes,
+        // Records hold direct light: what leaks through a thin wall is a lit room's.
+        fences: true,
         passes: 2,
         order: Order::Hashed,
         ..ward88()

@@ -10,15 +10,9 @@ use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Mat3, Vec2, Vec3, luminance};
 use rayon::prelude::*;
+use std::f32::consts::SQRT_2;
 use std::sync::Arc;
 
-/// sqrt(1 - cos 10°): the normal deviation at which a record of [Tabellion04] ends.
-const TABELLION_NORMAL: f32 = 0.123_257;
-
-/// The normal deviation at which a record of [`Kernel::Schwarzhaupt`] ends: 1 - cos 0.2 rad.
-const SCHWARZHAUPT_NORMAL: f32 = 0.019_933_4;
-/// The normal deviation at which a record of [`Kernel::Ribardiere`] ends: 1 - cos 20°.
-const RIBARDIERE_NORMAL: f32 = 0.060_307_4;
 /// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
 pub(super) const SECOND_ORDER: f32 = 0.25;
 
@@ -165,7 +159,7 @@ impl Record {
         let (offset, cosine) = (at.position - self.position, at.frame.n.dot(self.normal));
         let d = offset.length();
         let hidden = in_front.is_some_and(|tolerance| 0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - tolerance);
-        if cosine <= 0.0 || hidden || !self.fences.admit(at.position) {
+        if cosine <= reach.least_cosine || hidden || !self.fences.admit(at.position) {
             return None;
         }
         let (area, _) = reach.area(self);
@@ -193,6 +187,9 @@ pub(super) fn clamp_to_neighbours(records: &mut [Record], envelope: &Envelope) {
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     kernel: Kernel,
+    /// sqrt(1 - cos) of the largest angle between normals, and the cosine.
+    widest_normal: f32,
+    least_cosine: f32,
     error: f32,
     scale: f32,
     smallest_error: f32,
@@ -208,6 +205,9 @@ impl Reach {
     pub fn new(scheme: &Scheme, level: u8, scene_size: f32, smoothing: f32) -> Self {
         Self {
             kernel: scheme.kernel,
+            widest_normal: SQRT_2 * (0.5 * scheme.normal_limit).sin(),
+            // Other kernels end there by themselves, or a little later once they are smoothed.
+            least_cosine: if scheme.kernel == Kernel::Ward { scheme.normal_limit.cos().max(0.0) } else { 0.0 },
             error: scheme.error_at(level),
             scale: scheme.radius_scale(level),
             smallest_error: scheme.error_min,
@@ -218,6 +218,11 @@ impl Reach {
             max_radius: scheme.max_radius * scene_size,
             scene_size,
         }
+    }
+
+    /// The cosine between normals down to which records are used, exclusive.
+    pub(super) fn least_cosine(&self) -> f32 {
+        self.least_cosine
     }
 
     /// What takes lengths to radii under kernels that bound an error.
@@ -279,9 +284,8 @@ impl Reach {
     pub fn normal_scale(&self) -> f32 {
         match self.kernel {
             Kernel::Ward => 1.0 / (self.error * self.smoothing),
-            Kernel::Tabellion => 1.0 / (TABELLION_NORMAL * self.error * self.smoothing),
-            Kernel::Schwarzhaupt => 1.0 / (SCHWARZHAUPT_NORMAL.sqrt() * self.smoothing),
-            Kernel::Ribardiere => 1.0 / (RIBARDIERE_NORMAL.sqrt() * self.smoothing),
+            Kernel::Tabellion => 1.0 / (self.widest_normal * self.error * self.smoothing),
+            Kernel::Schwarzhaupt | Kernel::Ribardiere => 1.0 / (self.widest_normal * self.smoothing),
         }
     }
 
@@ -295,7 +299,7 @@ impl Reach {
             Kernel::Tabellion => position.max(normal),
             // Where the normal alone is too far off, the product could deceive.
             Kernel::Schwarzhaupt => 1.0 - (1.0 - position) * (1.0 - normal * normal).max(0.0),
-            // The chord stands for the angle, of which it is the same share within 0.4 %.
+            // The chord stands for the angle, of which it is the same share within 0.4 % at 20°.
             Kernel::Ribardiere => 1.0 - (1.0 - position) * (1.0 - normal).max(0.0),
         }
     }

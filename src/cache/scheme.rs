@@ -6,6 +6,7 @@ use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{Density, HitChange, Layout, RadianceGradient, TranslationalGradient, TriangleRadiance};
 use serde::{Deserialize, Serialize};
+use std::f32::consts::FRAC_PI_2;
 
 /// The length R_i from which a record's radius of validity is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,11 +97,12 @@ pub enum RadianceFrame {
 pub enum Kernel {
     /// `|x - x_i|/R_i + sqrt(1 - n·n_i)`, valid below `error` [Ward88].
     Ward,
-    /// `max(|x - x_i|/(R_i/2), sqrt(1 - n·n_i)/sqrt(1 - cos 10°))`, valid below `error` [Tabellion04, Eq. 3-5].
+    /// `max(|x - x_i|/(R_i/2), sqrt(1 - n·n_i)/sqrt(1 - cos α))`, valid below `error`, with α the limit of the normals, published as 10° [Tabellion04, Eq. 3-5].
     Tabellion,
-    /// `1 - (1 - t)(1 - ν)`, t being the position as a share of the record's extent and `ν = (1 - n·n_i)/(1 - cos 0.2 rad)`, valid below 1 [Schwarzhaupt12].
+    /// `1 - (1 - t)(1 - ν)`, t being the position as a share of the record's extent and `ν = (1 - n·n_i)/(1 - cos α)` with α the limit of the normals, published as 0.2 rad, valid below 1
+    /// [Schwarzhaupt12].
     Schwarzhaupt,
-    /// `1 - (1 - z)(1 - α/20°)`, z being the position as a share of the record's extent and α the angle between the normals, valid below 1. The published weight has `1/z - 1` in the place of `1 - z`
+    /// `1 - (1 - z)(1 - β/α)`, z being the position as a share of the record's extent, β the angle between the normals and α its limit, published as 20°, valid below 1. The published weight has `1/z - 1` in the place of `1 - z`
     /// [Ribardiere11, Eq. 25], which is infinite at the record; both are zero where it ends.
     Ribardiere,
 }
@@ -211,6 +213,9 @@ pub struct Scheme {
     pub kernel: Kernel,
     /// The weights of valid records.
     pub weight: Weight,
+    /// The angle between the normals at which a record ends, radians, at most π/2: what kernels other than `ward` call α, `tabellion` multiplying its chord with `error`. With `ward`, whose a bounds the angle,
+    /// too, a limit beside that: above a = 1 it is the only one.
+    pub normal_limit: f32,
     /// The allowed error: a of [Ward88], 1/κ of [Tabellion04], ε for metrics that estimate an error.
     pub error: f32,
     /// Factor on `error` from one level to the next deeper one.
@@ -392,6 +397,21 @@ impl Scheme {
         self.axis_error *= quality.powf(-0.75);
     }
 
+    /// Multiplies the allowed error by `factor`, and with it all else that says how careful the scheme is, so that one number leads from many records to few. Where records are refined `factor` is that of what is
+    /// visible and of the smallest allowed error; that of the largest one is its root, or the radii would be large beyond reason before anything else gives way.
+    pub fn scale_error(&mut self, factor: f32) {
+        if self.refinement == Refinement::None {
+            self.error *= factor;
+        } else {
+            self.error *= factor.sqrt();
+            self.error_min *= factor;
+            self.contrast *= factor;
+        }
+        if self.extrapolation == Extrapolation::Axes {
+            self.axis_error *= factor;
+        }
+    }
+
     /// Sets the field called `key` to `value`, written as in the output of `lumicache presets`.
     ///
     /// # Errors
@@ -438,6 +458,9 @@ impl Scheme {
             if !positive(value) {
                 return fail(&format!("setting `{name}` must be above 0"));
             }
+        }
+        if !(positive(self.normal_limit) && self.normal_limit <= FRAC_PI_2) {
+            return fail("setting `normal_limit` must be above 0 and at most π/2");
         }
         if !(self.smoothing >= 1.0 && self.smoothing <= 10.0) {
             return fail("setting `smoothing` must be between 1 and 10");

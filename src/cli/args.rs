@@ -121,9 +121,12 @@ pub struct Report {
     /// Folder for report.json, report.csv, index.html and the pictures; it is made if it is missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Names of presets, separated by commas.
+    /// Names of presets, separated by commas; settings of one preset follow it behind colons, as in `ward-heckbert92:gradient_clamp=false:min_pixels=0`.
     #[arg(long, value_name = "LIST", default_value = "ward-heckbert92,krivanek06,auto")]
     pub presets: String,
+    /// A setting of all of them; may be given several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
     /// Numbers of records: for each the allowed error is sought that gives it within 5 %.
     #[arg(long, value_name = "LIST", default_value = "500,1000,2000")]
     pub records: String,

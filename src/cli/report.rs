@@ -6,7 +6,7 @@ use super::render::{camera, parse_size, threads};
 use super::show::print;
 use super::terminal::{Bar, cancel_on_interrupt};
 use lumicache::accel::Backend;
-use lumicache::bench::report::{self, Plan};
+use lumicache::bench::report::{self, Plan, variant};
 use lumicache::cache::Preset;
 use lumicache::error::{Error, Result};
 use lumicache::import::{self, ImportOptions};
@@ -67,13 +67,19 @@ fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::R
 fn plan(arguments: &Report) -> Result<Plan> {
     let list = |text: &str| text.split(',').map(|s| s.trim().to_owned()).collect::<Vec<_>>();
     let presets = list(&arguments.presets);
-    presets.iter().try_for_each(|name| Preset::by_name(name).map(|_| ()))?;
+    let pair = |text: &String| match text.split_once('=') {
+        Some((key, value)) => Ok((key.trim().to_owned(), value.trim().to_owned())),
+        None => Err(Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE"))),
+    };
+    let settings = arguments.set.iter().map(pair).collect::<Result<Vec<_>>>()?;
+    presets.iter().try_for_each(|text| variant(text, &settings).map(|_| ()))?;
     let records: Option<Vec<usize>> = list(&arguments.records).iter().map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
     let records = records.ok_or_else(|| {
         Error::InvalidArgument(format!("--records {}: expected numbers above 0, such as 500,1000,2000", arguments.records))
     })?;
     Ok(Plan {
         presets,
+        settings,
         records,
         rays: arguments.rays,
         reference_rays: arguments.reference_rays,
