@@ -40,6 +40,11 @@ fn schemes_get_equally_many_records_and_their_errors_are_measured() {
     let page = read("index.html");
     assert!(page.contains("a &amp; b") && page.matches("data:image/png;base64,").count() == 1 + 2 * report.rows.len());
 
+    // Radiance records on all surfaces are compared by their irradiance.
+    let reused = Plan { reference: Some(folder.path().join("reference.exr")), ..plan(&["zhao-incoming"], &[250]) };
+    let row = go(&reused, &settings).unwrap().rows.remove(0);
+    assert!(row.equal && row.uncovered == 0 && (row.mean_ratio.unwrap() - 1.0).abs() < 0.1, "{row:?}");
+
     // The reference of one run serves another.
     let again = Plan { reference: Some(folder.path().join("reference.exr")), ..plan(&["ward88"], &[250]) };
     let row = go(&again, &settings).unwrap().rows.remove(0);

@@ -15,12 +15,13 @@ use crate::imagefile::ldr;
 use crate::integrator::{PathTracer, SceneProbe};
 use crate::math::{Color, luminance};
 use crate::progress::{Phase, Progress};
-use crate::render::{Settings, camera_sample, pixel_order};
+use crate::render::{Caches, Gloss, Job, Settings, Spot, camera_sample, pixel_order};
 use crate::sampling::hash;
 use crate::scene::Scene;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Numbers of records within this share of the wanted one are as good as equal.
@@ -307,6 +308,9 @@ impl Experiment<'_> {
         let start = Instant::now();
         let probe = SceneProbe::new(self.tracer);
         let mut cache = Cache::new(scheme, self.settings.max_bounces, self.tracer.scene.size());
+        if cache.scheme().radiance_diffuse {
+            return self.attempt_whole(cache, &points, start);
+        }
         let mut stats = cache.fill(&probe, 0, &points, self.settings.seed, self.progress)?;
         if refined {
             stats.add(&cache.converge(&probe, 0, &points.points, &appearance, self.settings.seed, self.progress)?);
@@ -316,6 +320,27 @@ impl Experiment<'_> {
             pixels.iter().zip(&stats.births).for_each(|(&p, &birth)| limits[p as usize] = birth);
         }
         Ok(Attempt { cache, limits, passes: stats.passes, seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// The same where radiance records serve all surfaces: their irradiance is what is compared.
+    fn attempt_whole(&self, cache: Cache, points: &LevelPoints, start: Instant) -> Result<Attempt> {
+        let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
+        let order = cache.scheme().radiance_order;
+        let mut caches = Caches::of(cache, gloss.map(Arc::new));
+        let spot = |(number, point): (u32, &SurfacePoint)| Spot { number, point: *point, irradiance: false, order };
+        let spots: Vec<Spot> = (0..).zip(&points.points).map(spot).collect();
+        let job = Job {
+            tracer: self.tracer,
+            deeper_points: 0,
+            round: points.round,
+            seed: self.settings.seed,
+            // Such schemes do not refine.
+            look: &|spots, _| vec![None; spots.len()],
+            towards: Some(&|p| self.settings.camera.towards(p)),
+        };
+        caches.fill(&job, &spots, self.progress)?;
+        let limits = vec![u32::MAX; self.seen.len()];
+        Ok(Attempt { cache: caches.cache, limits, passes: 0, seconds: start.elapsed().as_secs_f64() })
     }
 
     /// Irradiance at each pixel by the records, and the number of points that have none.
