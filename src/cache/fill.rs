@@ -133,10 +133,23 @@ impl Cache {
         seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
-        let before = self.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
-        let (filled, stats) = self.filled(probe, level, points, seed, before, progress)?;
-        self.levels[usize::from(level)] = Some(Arc::new(filled));
+        let mut filling = Filling::new(self, probe, level, seed, self.known(level));
+        filling.run(points, &[], progress)?;
+        let Filling { records, stats, .. } = filling;
+        self.keep(level, records);
         Ok(stats)
+    }
+
+    /// The records of `level` so far.
+    fn known(&self, level: u8) -> Vec<Record> {
+        self.level(level).map_or_else(Vec::new, |l| l.records().to_vec())
+    }
+
+    /// Makes `records`, those of `level` and new ones, its records. Without new ones nothing has changed, and the index is right.
+    fn keep(&mut self, level: u8, records: Vec<Record>) {
+        if self.level(level).is_none_or(|l| l.records().len() < records.len()) {
+            self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
+        }
     }
 
     /// What [`Cache::fill`] would make of `level` if `before` were its records; the cache does not change.
@@ -166,10 +179,12 @@ impl Cache {
         progress: &Progress,
     ) -> Result<FillStats> {
         let level = making.maker.level;
-        let before = self.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
         let made = std::mem::take(radiance);
-        let mut filling =
-            Filling::new(self, sources.probe, level, hash(&[seed, 3]), before).with_radiance(sources.deeper, making, made);
+        let mut filling = Filling::new(self, sources.probe, level, hash(&[seed, 3]), self.known(level)).with_radiance(
+            sources.deeper,
+            making,
+            made,
+        );
         let outcome = filling.run(&points.points, &points.orders, progress);
         let Filling { records, radiance: made, stats, .. } = filling;
         *radiance = made;
@@ -177,7 +192,7 @@ impl Cache {
             radiance.truncate(self.level(level).map_or(0, |l| l.records().len()));
             return Err(error);
         }
-        self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
+        self.keep(level, records);
         Ok(stats)
     }
 
@@ -252,6 +267,7 @@ impl<'a> Filling<'a> {
 
     /// Rounds over all points, then over those that clamping has uncovered. `orders` are those of the points' radiance, if they need any.
     fn run(&mut self, points: &LevelPoints, orders: &[u8], progress: &Progress) -> Result<()> {
+        let known = self.records.len();
         let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
         while begin < points.points.len() {
             let end = points.points.len().min(begin + round);
@@ -262,6 +278,10 @@ impl<'a> Filling<'a> {
             if points.round == 0 {
                 round *= 4;
             }
+        }
+        if self.records.len() == known {
+            // Nothing new that could be noisy, or clamp others.
+            return Ok(());
         }
         self.regather_noisy();
         // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.

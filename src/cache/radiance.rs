@@ -8,7 +8,7 @@ use super::radiance_placement::{RadianceMetric, RadiancePlacement, Reflector, Re
 use super::{
     Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach, Record, Refinement, Scheme,
 };
-use crate::basis::{Basis, BasisKind, LANES, Lane, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
+use crate::basis::{Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
 use crate::error::Result;
 use crate::gather::{Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe, StoredHit};
 use crate::geometry::SurfacePoint;
@@ -567,38 +567,4 @@ fn cosine(basis: &dyn Basis) -> Vec<f32> {
 fn runs(c: &[f32]) -> [&[f32]; 3] {
     let count = c.len() / 3;
     [&c[..count], &c[count..2 * count], &c[2 * count..]]
-}
-
-/// The product of two vectors of the same length, in eight interleaved sums.
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let ((a8, a), (b8, b)) = (a.as_chunks(), b.as_chunks());
-    let mut sums = [0.0; LANES];
-    for (a, b) in a8.iter().zip(b8) {
-        add_products(&mut sums, a, b);
-    }
-    total(&sums, a, b)
-}
-
-/// The products of `a` with three vectors that are as long, in one pass whose sums do not wait for each other.
-pub(super) fn dots(a: &[f32], [x, y, z]: [&[f32]; 3]) -> [f32; 3] {
-    let ((a8, a), (x8, x), (y8, y), (z8, z)) = (a.as_chunks(), x.as_chunks(), y.as_chunks(), z.as_chunks());
-    let (mut with_x, mut with_y, mut with_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    for (((a, x), y), z) in a8.iter().zip(x8).zip(y8).zip(z8) {
-        add_products(&mut with_x, a, x);
-        add_products(&mut with_y, a, y);
-        add_products(&mut with_z, a, z);
-    }
-    [total(&with_x, a, x), total(&with_y, a, y), total(&with_z, a, z)]
-}
-
-#[inline(always)]
-fn add_products(sums: &mut Lane, a: &Lane, b: &Lane) {
-    for k in 0..LANES {
-        sums[k] += a[k] * b[k];
-    }
-}
-
-#[inline(always)]
-fn total(sums: &Lane, a: &[f32], b: &[f32]) -> f32 {
-    sums.iter().sum::<f32>() + a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>()
 }

@@ -1,8 +1,9 @@
 //! The numbers of a radiance record: coefficients of incident radiance and their derivatives, in single or half precision.
 
 use super::record::SECOND_ORDER;
+use crate::basis::Lane;
 use crate::gather::Coefficients;
-use crate::math::{Color, Vec2};
+use crate::math::{Color, Vec2, Vec4};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use serde::{Deserialize, Serialize};
@@ -53,12 +54,12 @@ impl Vector {
     /// The product of the numbers in `run` with `c`.
     fn dot(&self, first: usize, c: &[f32]) -> f32 {
         match self {
-            Self::Single(values) => super::radiance::dot(c, &values[first..first + c.len()]),
+            Self::Single(values) => dot(c, &values[first..first + c.len()]),
             Self::Half { scale, values } => {
                 let mut buffer = [0.0; MOST];
                 let wide = &mut buffer[..c.len()];
                 values[first..first + c.len()].convert_to_f32_slice(wide);
-                scale * super::radiance::dot(c, wide)
+                scale * dot(c, wide)
             }
         }
     }
@@ -104,7 +105,7 @@ impl Payload {
             let [value, s, t, rest @ ..] = vectors else { return term(&vectors[0]) };
             let [value, s, t] = match [value, s, t] {
                 [Vector::Single(value), Vector::Single(s), Vector::Single(t)] => {
-                    super::radiance::dots(c, [value, s, t].map(|v| &v[at..at + used]))
+                    dots(c, [value, s, t].map(|v| &v[at..at + used]))
                 }
                 halves => halves.map(term),
             };
@@ -127,6 +128,52 @@ impl Payload {
     pub fn bytes(&self) -> usize {
         self.vectors.iter().map(Vector::bytes).sum()
     }
+}
+
+/// The product of two vectors of the same length, in eight interleaved sums.
+pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a8, a), (b8, b)) = (a.as_chunks(), b.as_chunks());
+    let mut sums = Sums::default();
+    a8.iter().zip(b8).for_each(|(a, b)| sums.add(lanes(a), b));
+    sums.total(a, b)
+}
+
+/// The products of `a` with three vectors that are as long, in one pass whose sums do not wait for each other.
+pub(super) fn dots(a: &[f32], [x, y, z]: [&[f32]; 3]) -> [f32; 3] {
+    let ((a8, a), (x8, x), (y8, y), (z8, z)) = (a.as_chunks(), x.as_chunks(), y.as_chunks(), z.as_chunks());
+    let [mut with_x, mut with_y, mut with_z] = [Sums::default(); 3];
+    for (((a, x), y), z) in a8.iter().zip(x8).zip(y8).zip(z8) {
+        let a = lanes(a);
+        with_x.add(a, x);
+        with_y.add(a, y);
+        with_z.add(a, z);
+    }
+    [with_x.total(a, x), with_y.total(a, y), with_z.total(a, z)]
+}
+
+/// Eight sums. Registers by name: left to itself the compiler packs the three vectors together instead of the lanes of each.
+#[derive(Clone, Copy, Default)]
+struct Sums([Vec4; 2]);
+
+impl Sums {
+    #[inline(always)]
+    fn add(&mut self, [a, b]: [Vec4; 2], v: &Lane) {
+        let [c, d] = lanes(v);
+        self.0[0] += a * c;
+        self.0[1] += b * d;
+    }
+
+    /// The sum of all, and of the products of what is left of the vectors.
+    #[inline(always)]
+    fn total(self, a: &[f32], b: &[f32]) -> f32 {
+        let rest: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+        (self.0[0] + self.0[1]).element_sum() + rest
+    }
+}
+
+#[inline(always)]
+fn lanes(v: &Lane) -> [Vec4; 2] {
+    [Vec4::from_slice(&v[..4]), Vec4::from_slice(&v[4..])]
 }
 
 #[cfg(test)]

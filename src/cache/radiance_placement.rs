@@ -87,7 +87,7 @@ impl Response {
 
     /// The distance over which the gradient changes the coefficients by as much as they are, `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
     pub fn length(&self) -> f32 {
-        let [value, s, t] = [&self.value, &self.gradient[0], &self.gradient[1]].map(|c| super::radiance::dot(c, c));
+        let [value, s, t] = [&self.value, &self.gradient[0], &self.gradient[1]].map(|c| super::radiance_payload::dot(c, c));
         if s + t > 0.0 { (value / (s + t)).sqrt() } else { f32::INFINITY }
     }
 
@@ -117,7 +117,7 @@ impl Response {
 fn products(a: &[f32], b: &[f32]) -> Coefficients {
     let n = a.len().min(b.len()) / 3;
     let run = |v: &[f32], c: usize| v[c * (v.len() / 3)..][..n].to_vec();
-    (0..3).map(|c| super::radiance::dot(&run(a, c), &run(b, c))).collect()
+    (0..3).map(|c| super::radiance_payload::dot(&run(a, c), &run(b, c))).collect()
 }
 
 /// What bounds areas where light itself says nothing: the curvature and the slope that the surroundings could cause, as a share of what they shine.

@@ -142,14 +142,16 @@ impl LobeTable {
     pub fn add(&self, wo: Vec3, order: usize, tints: &[Color], out: &mut [f32]) {
         let count = self.order * self.order;
         let stride = Self::stride(self.order, self.isotropic, self.parts);
-        let mut nodes = self.nodes(wo);
-        // Nodes outside the disc have no weight.
-        nodes.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let used = nodes.iter().take_while(|n| n.1 > 0.0).count();
+        // Nodes outside the disc have no weight and no coefficients; isotropic lobes use the first two.
+        let rows = self.nodes(wo).map(|(node, weight)| {
+            let used = if weight > 0.0 { &self.coefficients[node * stride..][..stride] } else { &[] };
+            (weight, used)
+        });
         for (part, tint) in tints.iter().enumerate().take(self.parts) {
             let first = part * stride / self.parts;
             let at = |i: usize| -> f32 {
-                nodes[..used].iter().map(|&(node, weight)| weight * self.coefficients[node * stride + first + i]).sum()
+                let of = |(weight, row): &(f32, &[f32])| row.get(first + i).map_or(0.0, |c| weight * c);
+                if self.isotropic { of(&rows[0]) + of(&rows[1]) } else { rows.iter().map(of).sum() }
             };
             let mut store = |i: usize, value: f32| (0..3).for_each(|c| out[c * count + i] += tint[c] * value);
             if !self.isotropic {
