@@ -1,7 +1,7 @@
 //! Schemes compared on equal terms.
 
 use crate::pictures::{build, cached, own};
-use lumicache::bench::report::{Plan, run};
+use lumicache::bench::report::{Plan, run, variant};
 use lumicache::progress::Progress;
 use lumicache::render::Settings;
 use std::path::Path;
@@ -30,6 +30,10 @@ fn schemes_get_equally_many_records_and_their_errors_are_measured() {
         // Every error holds the reference's noise; the caching adds to it, but not so much that these were other pictures.
         assert!(r.relmse > noise && r.relmse < 0.05 && (r.mean_ratio.unwrap() - 1.0).abs() < 0.1, "noise {noise}, {r:?}");
         assert_eq!(r.passes > 0, r.preset == "krivanek06");
+        // What is left without the noise of the reference.
+        let (own_rmse, own_relmse) = (r.own_rmse.unwrap(), r.own_relmse.unwrap());
+        assert!((own_relmse - (r.relmse - noise)).abs() < 1e-12 && own_relmse > 0.0);
+        assert!((own_rmse.hypot(report.noise_rmse.unwrap()) - r.rmse).abs() < 1e-9 && own_rmse > 0.0);
         assert!([&r.picture, &r.difference].iter().all(|p| folder.path().join(p).exists()));
     }
     assert!(report.points > 2000 && report.points < 48 * 48);
@@ -50,10 +54,29 @@ fn schemes_get_equally_many_records_and_their_errors_are_measured() {
     let row = go(&again, &settings).unwrap().rows.remove(0);
     assert_eq!((row.records, row.rmse), (report.rows[0].records, report.rows[0].rmse));
 
+    // Settings of all presets, and of one.
+    let changed = Plan { settings: vec![("min_pixels".into(), "4".into())], ..plan(&["ward88", "ward88:min_pixels=1"], &[250]) };
+    let report = go(&Plan { reference: again.reference.clone(), ..changed }, &settings).unwrap();
+    assert_eq!((report.rows[1].records, report.rows[1].rmse), (row.records, row.rmse));
+    assert!(report.rows[0].rmse != row.rmse && folder.path().join("ward88_min_pixels_1-250.png").exists());
+
     let refused = |plan: &Plan, settings: &Settings| go(plan, settings).unwrap_err().to_string();
+    assert!(refused(&plan(&["ward88:error"], &[10]), &settings).contains("`error`"));
+    assert!(refused(&plan(&["ward88:error=-1"], &[10]), &settings).contains("error"));
     assert!(refused(&plan(&["nonsense"], &[10]), &settings).contains("nonsense"));
     assert!(refused(&plan(&["ward88"], &[]), &settings).contains("numbers of records"));
     assert!(refused(&plan(&["ward88"], &[10]), &Settings { max_bounces: 0, ..settings.clone() }).contains("bounces"));
     let other = Plan { reference: Some(Path::new("missing.exr").into()), ..first };
     assert!(refused(&other, &settings).contains("missing.exr"));
+}
+
+#[test]
+fn presets_are_compared_within_the_same_bounds() {
+    for preset in lumicache::cache::PRESETS {
+        let scheme = variant(preset.name, &[]).unwrap();
+        assert_eq!((scheme.normal_limit, scheme.min_pixels, scheme.max_radius), (1.0, 1.0, 0.3), "{}", preset.name);
+    }
+    let scheme =
+        variant("mdic:max_radius=0.2:error=0.5", &[("max_radius".into(), "0.1".into()), ("rays".into(), "99".into())]).unwrap();
+    assert_eq!((scheme.max_radius, scheme.error, scheme.rays), (0.2, 0.5, 99));
 }

@@ -41,6 +41,7 @@ pub fn sectors() -> Scheme {
         error_measure: ErrorMeasure::Total,
         footprint: FootprintKind::Sectors,
         kernel: Kernel::Schwarzhaupt,
+        normal_limit: 0.2,
         error: 1e-5,
         translational_gradient: TranslationalGradient::Triangulated,
         extrapolation: Extrapolation::Second,
@@ -117,6 +118,30 @@ fn every_point_that_was_filled_is_covered() {
                 assert_eq!(later, 0, "{}: points whose records came later", preset.name);
             }
         }
+    }
+}
+
+#[test]
+fn no_record_is_used_beyond_the_limit_of_normals() {
+    let scene = build(own("curved-spheres"));
+    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], SIZE, 0), round: 0 };
+    // One preset of each kernel, so careless that nothing else would end a record.
+    for (preset, error) in [("ward-heckbert92", 3.0), ("tabellion04", 1.0), ("schwarzhaupt12", 1.0), ("aric11", 3.0)] {
+        let counts = [0.2, 0.6].map(|normal_limit| {
+            let scheme = quick(Preset::by_name(preset).unwrap().scheme());
+            let careless = Scheme { error, normal_limit, smoothing: 1.0, neighbour_clamp: false, max_pixels: 0.0, ..scheme };
+            let (cache, _) = fill(&scene, careless, &points);
+            let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0);
+            let (mut used, mut widest) = (0, 0.0_f32);
+            for (p, r) in points.points.iter().flat_map(|p| first(&cache).records().iter().map(move |r| (p, r))) {
+                if r.error_at(&reach, p, None).is_some_and(|e| e < 1.0) {
+                    (used, widest) = (used + 1, widest.max(p.frame.n.dot(r.normal).min(1.0).acos()));
+                }
+            }
+            assert!(used > 1000 && widest < 1.001 * normal_limit && widest > 0.8 * normal_limit, "{preset}: {widest}");
+            first(&cache).records().len()
+        });
+        assert!(counts[1] < counts[0], "{preset}: {counts:?} records");
     }
 }
 

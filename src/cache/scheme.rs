@@ -600,4 +600,21 @@ mod tests {
         }
         assert_eq!(scheme, before);
     }
+
+    #[test]
+    fn one_factor_scales_all_that_says_how_careful_a_scheme_is() {
+        let scaled = |preset: &str| {
+            let (before, mut after) = (Preset::by_name(preset).unwrap().scheme(), Preset::by_name(preset).unwrap().scheme());
+            after.scale_error(4.0);
+            (
+                after.error / before.error,
+                after.error_min / before.error_min,
+                after.contrast / before.contrast,
+                after.axis_error / before.axis_error,
+            )
+        };
+        assert_eq!(scaled("schwarzhaupt12"), (4.0, 1.0, 1.0, 1.0));
+        assert_eq!(scaled("krivanek06"), (2.0, 4.0, 4.0, 1.0));
+        assert_eq!(scaled("aric11"), (4.0, 1.0, 1.0, 4.0));
+    }
 }
