@@ -25,6 +25,7 @@ mod radiance_payload;
 mod radiance_placement;
 mod record;
 mod scheme;
+mod scheme_check;
 mod sync;
 
 pub use axes::{Axes, Change, Direct, DirectSamples, Quadratic};
