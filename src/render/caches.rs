@@ -115,6 +115,9 @@ pub struct Spot {
     pub order: u8,
 }
 
+/// Tells how spots look; `None` where one sees nothing. Glossy lobes count where they are served.
+pub type Look<'a> = dyn Fn(&[Spot], Option<&Service>) -> Vec<Option<View>> + 'a;
+
 /// What a fill is done for.
 pub struct Job<'a> {
     /// The scene and the length of light paths.
@@ -125,8 +128,8 @@ pub struct Job<'a> {
     pub round: usize,
     /// Seed of everything random.
     pub seed: u64,
-    /// How spots look, for schemes that refine records; `None` where a spot sees nothing.
-    pub look: &'a dyn Fn(&[Spot], Option<&Service>) -> Vec<Option<View>>,
+    /// How spots look, for schemes that refine records.
+    pub look: &'a Look<'a>,
     /// The direction to the viewer from a position, if there is one viewer.
     pub towards: Option<&'a (dyn Fn(Vec3) -> Vec3 + Sync)>,
 }
