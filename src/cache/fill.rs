@@ -467,6 +467,10 @@ impl<'a> Filling<'a> {
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
         let mut again = self.gather(samples, &moved, order);
+        // In a hollow of facets the step may lead behind the next one, whose back is nearer than the step is long.
+        if again.record.length_unclamped <= step {
+            return (made, *at, false);
+        }
         // Its rays start aside [Tabellion04, Sec. 3.1], but the record stays at the point: refinement may leave it an area that is smaller than the step, and the point would have no record.
         again.record.position = at.position;
         (again, moved, true)
