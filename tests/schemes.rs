@@ -1,13 +1,14 @@
 //! Every scheme: how many records it makes, how far they reach, that they cover what they should, and that they hold what they should.
 
-use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, seen, settings};
+use crate::pictures::{assert_alike, beauty, build, cached, fill, own, render, scheme, seen, settings};
 use lumicache::cache::{
     Cache, Curve, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Level, LevelPoints, Metric, PRESETS, Preset, Reach, Record,
     Scheme, Strata, Weight,
 };
-use lumicache::gather::TranslationalGradient;
+use lumicache::gather::{Bundle, Deeper, RadianceProbe, TranslationalGradient};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3};
+use lumicache::progress::Progress;
 use lumicache::render::{IntegratorKind, Settings};
 use lumicache::sampling::{Rng, square_to_cosine_hemisphere, square_to_disk};
 use lumicache::scene::{Scene, SceneData};
@@ -344,4 +345,36 @@ fn bounces_are_counted_as_by_the_path_tracer() {
             assert_alike(&format!("{preset}, {max_bounces} bounces"), &cache, &path, 0.0, 2e-3, 0.01);
         }
     }
+}
+
+/// Light from a wall, which is near on the left; a gather that starts in between lies behind a facet and sees its back.
+struct Hollow;
+
+impl RadianceProbe for Hollow {
+    fn incoming(&self, from: &SurfacePoint, _: u8, _: &dyn Deeper, bundle: &mut Bundle) {
+        let x = from.position.x;
+        let (distance, radiance) = if x < -0.01 {
+            (0.05, 1.0)
+        } else if x < -1e-4 {
+            (1e-6, 0.0)
+        } else {
+            (10.0, 1.0)
+        };
+        bundle.distance.fill(distance);
+        bundle.radiance.fill(Color::splat(radiance));
+    }
+}
+
+#[test]
+fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
+    let scheme = Scheme { rays: 64, levels: 1, neighbour_clamp: true, ..scheme("ward-heckbert92") };
+    let mut cache = Cache::new(scheme, u32::MAX, 20.0);
+    let at = |x: f32| SurfacePoint { footprint: 0.01, ..SurfacePoint::plain(Vec3::new(x, 0.0, 0.0), Vec3::Z) };
+    for row in [vec![at(-0.05), at(-0.03)], vec![at(0.0)]] {
+        let stats = cache.fill(&Hollow, 0, &LevelPoints { points: row, round: 0 }, 1, &Progress::default()).unwrap();
+        assert_eq!(stats.retaken, 0);
+    }
+    let records = first(&cache).records();
+    assert_eq!(records.len(), 3);
+    assert!(records.iter().all(|r| (r.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01), "{records:?}");
 }
