@@ -404,8 +404,6 @@ typedef struct lumi_stats {
   uint32_t frozen;
   // Records on all levels.
   uint64_t records;
-  // Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
-  uint64_t radiance_records;
   // Bytes of records and indexes.
   uint64_t bytes;
   // Rays of gathers.
@@ -426,6 +424,8 @@ typedef struct lumi_stats {
   double mean_radius;
   // Largest radius of the records of the first level.
   double max_radius;
+  // Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
+  uint64_t radiance_records;
 } lumi_stats;
 
 // One record, for display.

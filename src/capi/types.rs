@@ -360,8 +360,6 @@ pub struct lumi_stats {
     pub frozen: u32,
     /// Records on all levels.
     pub records: u64,
-    /// Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
-    pub radiance_records: u64,
     /// Bytes of records and indexes.
     pub bytes: u64,
     /// Rays of gathers.
@@ -382,6 +380,8 @@ pub struct lumi_stats {
     pub mean_radius: f64,
     /// Largest radius of the records of the first level.
     pub max_radius: f64,
+    /// Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
+    pub radiance_records: u64,
 }
 
 /// One record, for display.

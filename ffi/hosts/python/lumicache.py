@@ -95,6 +95,7 @@ class Stats(c.Structure):
         [("struct_size", c.c_uint32), ("frozen", c.c_uint32)]
         + [(name, c.c_uint64) for name in ("records", "bytes", "rays", "queries", "hits", "misses", "host_calls", "host_rays")]
         + [(name, c.c_double) for name in ("build_seconds", "mean_radius", "max_radius")]
+        + [("radiance_records", c.c_uint64)]
     )
 
 
