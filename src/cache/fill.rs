@@ -74,6 +74,9 @@ const BATCH: usize = 256;
 /// A record whose R_i exceeds this multiple of what two neighbours allow has missed what they saw.
 const LEAK: f32 = 4.0;
 
+/// A gather that starts aside and finds its surroundings nearer than this share of the step may lie behind a surface.
+const BEHIND: f32 = 0.25;
+
 /// A new record is allowed this multiple of the error that the nearest one is left with, found by experiment [Krivanek06, Sec. 4.2].
 const OPTIMISM: f32 = 1.4;
 /// A noisy record is gathered again with this multiple of the rays.
@@ -467,8 +470,11 @@ impl<'a> Filling<'a> {
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
         let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
         let mut again = self.gather(samples, &moved, order);
-        // In a hollow of facets the step may lead behind the next one, whose back is nearer than the step is long.
-        if again.record.length_unclamped <= step {
+        // In a hollow of facets the step may lead behind the next one: then all is near, and unlike what the neighbours see. What is near beside a crack is like it.
+        let brightness = |r: &Record| luminance(r.irradiance).max(f32::MIN_POSITIVE).ln();
+        let usual = 0.5 * neighbours.map(|n| brightness(&self.records[n.id as usize])).into_iter().sum::<f32>();
+        let unlike = |m: &Made| (brightness(&m.record) - usual).abs();
+        if again.record.length_unclamped <= BEHIND * step && unlike(&again) > unlike(&made) {
             return (made, *at, false);
         }
         // Its rays start aside [Tabellion04, Sec. 3.1], but the record stays at the point: refinement may leave it an area that is smaller than the step, and the point would have no record.
