@@ -780,7 +780,7 @@ LUMI_API
 lumi_error lumi_cache_query(lumi_cache cache,
                             const struct lumi_query *query);
 
-// Renders a picture of a scene of our own: direct light, glossy and specular light by paths, indirect diffuse light from the cache, which is filled where the camera needs it. The
+// Renders a picture of a scene of our own as the command line does: indirect light of diffuse surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled where the camera needs it; everything else by paths. The
 // records are kept, unless the cache is frozen. Cancelled, the layers hold the samples so far.
 //
 // `layers`: `count` layers with room for their samples.

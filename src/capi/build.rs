@@ -1,13 +1,12 @@
 //! Building: the records that seed points need.
 
-use super::cache::{CacheObject, DEEPER_FOOTPRINT, Settings};
+use super::cache::{CacheObject, Settings};
 use super::host::{Exchange, Host};
-use super::probe::HostProbe;
 use super::query::Points;
 use super::scene::World;
 use super::status::{Fault, Outcome};
 use crate::cache::{Cache, LevelPoints};
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::geometry::SurfacePoint;
 use crate::integrator::{PathTracer, Service, View};
 use crate::progress::{Phase, Progress};
@@ -83,25 +82,24 @@ impl CacheObject {
         if cache.level_count() == 0 {
             return Ok(cache);
         }
+        let probe = self.host_probe(host, exchange, progress)?;
         let mut levels = vec![LevelPoints { points: seeds, round: 0 }];
         for level in 1..cache.level_count() {
             let (from, count) = (&levels[levels.len() - 1].points, settings.deeper_points as usize);
             let seed = hash(&[settings.seed, 2, u64::from(level)]);
-            let footprint = DEEPER_FOOTPRINT * self.size()?;
-            let probe = HostProbe { host, exchange, max_bounces: settings.max_bounces, footprint, progress };
             // All bounces are in what a host may answer: there are no deeper levels then.
             let points = if host.is_full() { Vec::new() } else { probe.next_points(from, count, u32::from(level), seed) };
             levels.push(LevelPoints { points, round: 0 });
         }
         progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
-        let rays: Result<u64> = self.with_probe(exchange, progress, |probe| {
-            let mut rays = 0;
-            for (level, points) in levels.iter().enumerate().rev() {
-                rays += cache.fill(probe, level as u8, points, settings.seed, progress)?.gather_rays;
-            }
-            if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(rays) }
-        })?;
-        self.counters.rays.fetch_add(rays?, Ordering::Relaxed);
+        let mut rays = 0;
+        for (level, points) in levels.iter().enumerate().rev() {
+            rays += cache.fill(&probe, level as u8, points, settings.seed, progress)?.gather_rays;
+        }
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled.into());
+        }
+        self.counters.rays.fetch_add(rays, Ordering::Relaxed);
         Ok(cache)
     }
 }

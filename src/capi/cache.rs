@@ -1,7 +1,7 @@
 //! Caches: settings, building, files, statistics.
 
 use super::device::text;
-use super::host::Exchange;
+use super::host::{Exchange, Host};
 use super::object::{borrow, clear, publish, release, retain};
 use super::probe::HostProbe;
 use super::query::{Points, points};
@@ -25,7 +25,7 @@ const DEEPER_POINTS: u32 = 16_384;
 /// Width of a pixel where the host gives none, as a share of the scene's diagonal.
 const FOOTPRINT: f32 = 0.002;
 /// Footprint of points that the camera does not see, as a share of the scene's diagonal.
-pub(super) const DEEPER_FOOTPRINT: f32 = 0.004;
+const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// What a cache is made by.
 #[derive(Clone)]
@@ -132,11 +132,14 @@ impl CacheObject {
         let max_bounces = self.settings().max_bounces;
         Ok(match &self.scene.committed()?.world {
             World::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
-            World::Host(host) => {
-                let footprint = DEEPER_FOOTPRINT * self.size()?;
-                f(&HostProbe { host, exchange, max_bounces, footprint, progress })
-            }
+            World::Host(host) => f(&self.host_probe(host, exchange, progress)?),
         })
+    }
+
+    /// The probe that asks `host`.
+    pub fn host_probe<'a>(&self, host: &'a Host, exchange: &'a Exchange, progress: &'a Progress) -> Outcome<HostProbe<'a>> {
+        let (max_bounces, footprint) = (self.settings().max_bounces, DEEPER_FOOTPRINT * self.size()?);
+        Ok(HostProbe { host, exchange, max_bounces, footprint, progress })
     }
 
     fn save(&self, path: &Path) -> Outcome {

@@ -56,8 +56,7 @@ impl PathTracer<'_> {
 
     /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their BSDFs.
     pub fn views(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
-        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
-        let vertex = |(camera, seed): &(CameraRay, u64)| Some((self.first_vertex(camera, *seed, usable)?.0, *seed));
+        let vertex = |(camera, seed): &(CameraRay, u64)| Some((self.first_usable(camera, *seed, service)?, *seed));
         pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex))).collect()
     }
 
@@ -104,8 +103,7 @@ impl PathTracer<'_> {
     /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it has
     /// a diffuse lobe alone to be served; and whether it has a diffuse lobe.
     pub fn first_cached(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
-        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
-        let (Vertex { point, bsdf }, _) = self.first_vertex(camera, seed, usable)?;
+        let Vertex { point, bsdf } = self.first_usable(camera, seed, service)?;
         Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
     }
 
@@ -113,6 +111,12 @@ impl PathTracer<'_> {
     pub fn cached_at(&self, at: &SurfacePoint, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.surface_at(at, seed)?;
         Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
+    }
+
+    /// The first surface that records of any kind can serve.
+    fn first_usable(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<Vertex> {
+        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
+        Some(self.first_vertex(camera, seed, usable)?.0)
     }
 
     /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes before it; `None` if the first that is none of those is not wanted.

@@ -258,8 +258,7 @@ impl Caches {
         }
         add(&mut self.gathered, &probe);
         if scheme.radiance_diffuse {
-            let placement = records.placement().clone();
-            self.cache.share_level(level, &placement);
+            self.cache.share_level(level, records.placement());
         }
         Ok(stats.births)
     }
