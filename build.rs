@@ -1,7 +1,9 @@
 //! Makes the raw bindings to the foreign libraries that the enabled features name.
 //!
-//! Embree: the headers of `EMBREE_DIR` if set, else the system's `embree4/rtcore.h`, else `embree3/rtcore.h`; emits
-//! `cfg(embree4)` for the former. With the feature `private-embree` nothing is linked: the library is loaded at run time, from `LUMICACHE_EMBREE_FOUND` first. OpenEXR: the system's C core (`openexr.h`).
+//! Embree: the headers of `EMBREE_DIR` if set, else the system's `embree4/rtcore.h`, else
+//! `embree3/rtcore.h`; emits `cfg(embree4)` for the former. With the feature `private-embree`
+//! nothing is linked: the library is loaded at run time, from `LUMICACHE_EMBREE_FOUND` first.
+//! OpenEXR: the system's C core (`openexr.h`).
 
 fn main() {
     println!("cargo:rustc-check-cfg=cfg(embree4)");
@@ -40,17 +42,28 @@ mod foreign {
     fn installed(dir: Option<&Path>, is_4: bool) -> PathBuf {
         let name = if is_4 { "libembree4.so.4" } else { "libembree3.so.3" };
         let machine = env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default();
-        let system = [format!("/usr/lib/{machine}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into(), "/usr/local/lib".into()];
-        let folders = dir.map_or_else(|| system.map(PathBuf::from).to_vec(), |d| vec![d.join("lib"), d.join("lib64")]);
+        let system = [
+            format!("/usr/lib/{machine}-linux-gnu"),
+            "/usr/lib64".into(),
+            "/usr/lib".into(),
+            "/usr/local/lib".into(),
+        ];
+        let folders = dir.map_or_else(
+            || system.map(PathBuf::from).to_vec(),
+            |d| vec![d.join("lib"), d.join("lib64")],
+        );
         let found = folders.into_iter().map(|f| f.join(name)).find(|p| p.exists());
-        found.unwrap_or_else(|| fail(&format!("{name}, which belongs to Embree's headers, was not found")))
+        found.unwrap_or_else(|| {
+            fail(&format!("{name}, which belongs to Embree's headers, was not found"))
+        })
     }
 
     #[cfg(feature = "embree")]
     pub fn embree() {
         println!("cargo:rerun-if-env-changed=EMBREE_DIR");
         let dir = env::var_os("EMBREE_DIR").map(PathBuf::from);
-        let include = dir.as_ref().map_or_else(|| PathBuf::from("/usr/include"), |d| d.join("include"));
+        let include =
+            dir.as_ref().map_or_else(|| PathBuf::from("/usr/include"), |d| d.join("include"));
         let header = first_existing(&[include.join("embree4/rtcore.h"), include.join("embree3/rtcore.h")]).unwrap_or_else(|| {
             fail(
                 "Embree's headers were not found. Install Debian's libembree-dev, or set EMBREE_DIR to an Embree 3 or 4 \
@@ -63,7 +76,10 @@ mod foreign {
         }
         let private = env::var_os("CARGO_FEATURE_PRIVATE_EMBREE").is_some();
         if private {
-            println!("cargo:rustc-env=LUMICACHE_EMBREE_FOUND={}", installed(dir.as_deref(), is_4).display());
+            println!(
+                "cargo:rustc-env=LUMICACHE_EMBREE_FOUND={}",
+                installed(dir.as_deref(), is_4).display()
+            );
         } else {
             if let Some(dir) = &dir {
                 println!("cargo:rustc-link-search=native={}", dir.join("lib").display());
@@ -93,14 +109,20 @@ mod foreign {
 
     #[cfg(feature = "openexr")]
     pub fn openexr() {
-        let include = first_existing(&[PathBuf::from("/usr/include/OpenEXR"), PathBuf::from("/usr/local/include/OpenEXR")]);
+        let include = first_existing(&[
+            PathBuf::from("/usr/include/OpenEXR"),
+            PathBuf::from("/usr/local/include/OpenEXR"),
+        ]);
         let Some(include) = include.filter(|d| d.join("openexr.h").exists()) else {
             fail(
                 "OpenEXR's C core header openexr.h was not found. Install Debian's libopenexr-dev, or build with \
                  --no-default-features to write EXR files in pure Rust.",
             )
         };
-        let imath = first_existing(&[PathBuf::from("/usr/include/Imath"), PathBuf::from("/usr/local/include/Imath")]);
+        let imath = first_existing(&[
+            PathBuf::from("/usr/include/Imath"),
+            PathBuf::from("/usr/local/include/Imath"),
+        ]);
         println!("cargo:rustc-link-lib=dylib=OpenEXRCore");
         println!("cargo:rerun-if-changed=ffi/openexr/wrapper.h");
         let mut builder = bindgen::Builder::default()

@@ -9,7 +9,8 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A scene file breaks its specification; `path` is the JSON path of the offending value, such as `/meshes/0/primitives/1`.
+    /// A scene file breaks its specification; `path` is the JSON path of the offending value, such
+    /// as `/meshes/0/primitives/1`.
     #[error("{}: {}{what}", file.display(), at(path))]
     Scene {
         /// The scene file.
@@ -19,7 +20,8 @@ pub enum Error {
         /// What is wrong.
         what: String,
     },
-    /// A file is sound but needs something that this program lacks; `what` names it and says what to do instead.
+    /// A file is sound but needs something that this program lacks; `what` names it and says what
+    /// to do instead.
     #[error("{}: {}{what}", file.display(), at(path))]
     Unsupported {
         /// The file.

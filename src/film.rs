@@ -29,7 +29,8 @@ pub struct Pixel {
 }
 
 impl Pixel {
-    /// Adds one sample. A sample that is not a number counts as black, so that it cannot spoil the pixel.
+    /// Adds one sample. A sample that is not a number counts as black, so that it cannot spoil the
+    /// pixel.
     pub fn add(&mut self, s: &Shaded) {
         self.samples += 1;
         self.lookups += s.lookups;
@@ -105,7 +106,8 @@ impl Pixel {
         self.parts.iter().sum::<Color>() * self.weight()
     }
 
-    /// Variance of the luminance of the pixel's mean, estimated from its samples taken as independent, as if the channels rose and fell together.
+    /// Variance of the luminance of the pixel's mean, estimated from its samples taken as
+    /// independent, as if the channels rose and fell together.
     pub fn luminance_variance(&self) -> f32 {
         let v = self.variance();
         luminance(Color::new(v.x.sqrt(), v.y.sqrt(), v.z.sqrt())).powi(2)
@@ -115,7 +117,8 @@ impl Pixel {
         if self.samples > 0 { 1.0 / self.samples as f32 } else { 0.0 }
     }
 
-    /// Variance of the pixel's mean, estimated from its samples taken as independent; 0 below two samples.
+    /// Variance of the pixel's mean, estimated from its samples taken as independent; 0 below two
+    /// samples.
     fn variance(&self) -> Color {
         if self.samples < 2 {
             return Color::ZERO;
@@ -163,22 +166,78 @@ pub const LAYERS: &[Layer] = &[
             [c.x, c.y, c.z, p.covered * p.weight()]
         },
     },
-    Layer { name: "diffuse_direct", channels: RGB, half: true, basic: true, values: |p| rgb(p.parts[0] * p.weight()) },
-    Layer { name: "diffuse_indirect", channels: RGB, half: true, basic: true, values: |p| rgb(p.parts[1] * p.weight()) },
-    Layer { name: "glossy_direct", channels: RGB, half: true, basic: true, values: |p| rgb(p.parts[2] * p.weight()) },
-    Layer { name: "glossy_indirect", channels: RGB, half: true, basic: true, values: |p| rgb(p.parts[3] * p.weight()) },
-    Layer { name: "emission", channels: RGB, half: true, basic: true, values: |p| rgb(p.parts[4] * p.weight()) },
-    Layer { name: "albedo", channels: RGB, half: true, basic: true, values: |p| rgb(p.albedo * p.weight()) },
-    Layer { name: "N", channels: XYZ, half: true, basic: true, values: |p| rgb(p.normal.normalize_or_zero()) },
-    Layer { name: "P", channels: XYZ, half: false, basic: false, values: |p| rgb(over_surface(p, p.position)) },
+    Layer {
+        name: "diffuse_direct",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.parts[0] * p.weight()),
+    },
+    Layer {
+        name: "diffuse_indirect",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.parts[1] * p.weight()),
+    },
+    Layer {
+        name: "glossy_direct",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.parts[2] * p.weight()),
+    },
+    Layer {
+        name: "glossy_indirect",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.parts[3] * p.weight()),
+    },
+    Layer {
+        name: "emission",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.parts[4] * p.weight()),
+    },
+    Layer {
+        name: "albedo",
+        channels: RGB,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.albedo * p.weight()),
+    },
+    Layer {
+        name: "N",
+        channels: XYZ,
+        half: true,
+        basic: true,
+        values: |p| rgb(p.normal.normalize_or_zero()),
+    },
+    Layer {
+        name: "P",
+        channels: XYZ,
+        half: false,
+        basic: false,
+        values: |p| rgb(over_surface(p, p.position)),
+    },
     Layer {
         name: "Z",
         channels: &[""],
         half: false,
         basic: true,
-        values: |p| [if p.covered > 0.0 { p.distance / p.covered } else { f32::INFINITY }, 0.0, 0.0, 0.0],
+        values: |p| {
+            [if p.covered > 0.0 { p.distance / p.covered } else { f32::INFINITY }, 0.0, 0.0, 0.0]
+        },
     },
-    Layer { name: "gi.records", channels: &[""], half: true, basic: false, values: |p| [p.records * p.weight(), 0.0, 0.0, 0.0] },
+    Layer {
+        name: "gi.records",
+        channels: &[""],
+        half: true,
+        basic: false,
+        values: |p| [p.records * p.weight(), 0.0, 0.0, 0.0],
+    },
     Layer {
         name: "gi.status",
         channels: &[""],
@@ -186,17 +245,36 @@ pub const LAYERS: &[Layer] = &[
         basic: false,
         values: |p| [(p.cached + 2.0 * p.traced) * p.weight(), 0.0, 0.0, 0.0],
     },
-    Layer { name: "gi.error", channels: &[""], half: true, basic: false, values: |p| [p.error * p.weight(), 0.0, 0.0, 0.0] },
+    Layer {
+        name: "gi.error",
+        channels: &[""],
+        half: true,
+        basic: false,
+        values: |p| [p.error * p.weight(), 0.0, 0.0, 0.0],
+    },
     Layer {
         name: "gi.a",
         channels: &[""],
         half: true,
         basic: false,
-        // Not diluted by samples that no record answered: the map shows how finely records were made.
+        // Not diluted by samples that no record answered: the map shows how finely records were
+        // made.
         values: |p| [if p.cached > 0.0 { p.allowed / p.cached } else { 0.0 }, 0.0, 0.0, 0.0],
     },
-    Layer { name: "gi.irradiance", channels: RGB, half: true, basic: false, values: |p| rgb(p.irradiance * p.weight()) },
-    Layer { name: "variance", channels: RGB, half: false, basic: false, values: |p| rgb(p.variance()) },
+    Layer {
+        name: "gi.irradiance",
+        channels: RGB,
+        half: true,
+        basic: false,
+        values: |p| rgb(p.irradiance * p.weight()),
+    },
+    Layer {
+        name: "variance",
+        channels: RGB,
+        half: false,
+        basic: false,
+        values: |p| rgb(p.variance()),
+    },
 ];
 
 impl Layer {
@@ -242,7 +320,8 @@ impl Film {
         &mut self.pixels
     }
 
-    /// Adds light that came to a pixel by the sample of another one. Splats do not count as samples, and the variance does not know of them.
+    /// Adds light that came to a pixel by the sample of another one. Splats do not count as
+    /// samples, and the variance does not know of them.
     pub fn splat(&mut self, splat: &Splat) {
         self.pixels[splat.pixel as usize].parts[usize::from(splat.part)] += splat.light;
     }
@@ -259,10 +338,13 @@ impl Film {
         channels
     }
 
-    /// Mean radiance of the pixels of an area of the window (x0, y0, x1, y1, ends excluded), row by row.
+    /// Mean radiance of the pixels of an area of the window (x0, y0, x1, y1, ends excluded), row by
+    /// row.
     pub fn area(&self, [x0, y0, x1, y1]: [u32; 4]) -> Vec<Color> {
         let width = self.window_size()[0];
-        (y0..y1).flat_map(|y| (x0..x1).map(move |x| self.pixels[(y * width + x) as usize].radiance())).collect()
+        (y0..y1)
+            .flat_map(|y| (x0..x1).map(move |x| self.pixels[(y * width + x) as usize].radiance()))
+            .collect()
     }
 
     /// Mean radiance of every pixel.
@@ -272,7 +354,10 @@ impl Film {
 
     /// Distance to the first surface in every pixel, infinite where there is none.
     pub fn depth(&self) -> Vec<f32> {
-        self.pixels.iter().map(|p| if p.covered > 0.0 { p.distance / p.covered } else { f32::INFINITY }).collect()
+        self.pixels
+            .iter()
+            .map(|p| if p.covered > 0.0 { p.distance / p.covered } else { f32::INFINITY })
+            .collect()
     }
 
     /// Mean luminance of the image.

@@ -9,15 +9,19 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Runs `write` on the path of a temporary file beside `path`, syncs it and renames it to `path`, so that no reader and no failure ever sees
-/// a partial file under the final name.
+/// Runs `write` on the path of a temporary file beside `path`, syncs it and renames it to `path`,
+/// so that no reader and no failure ever sees a partial file under the final name.
 ///
 /// # Errors
 /// What `write` returns, or [`Error::Io`] naming `path`; the temporary file is removed.
 pub fn write_atomically_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let file = tempfile::Builder::new()
         .prefix(".lumicache-")
-        .suffix(path.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy())).as_str())
+        .suffix(
+            path.extension()
+                .map_or(String::new(), |e| format!(".{}", e.to_string_lossy()))
+                .as_str(),
+        )
         .tempfile_in(folder(path))
         .map_err(Error::io(path))?;
     write(file.path())?;
@@ -33,7 +37,9 @@ pub fn write_atomically_with(path: &Path, write: impl FnOnce(&Path) -> Result<()
 /// [`Error::Io`] naming `path`.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically_with(path, |temporary| {
-        std::fs::File::create(temporary).and_then(|mut f| f.write_all(bytes)).map_err(Error::io(path))
+        std::fs::File::create(temporary)
+            .and_then(|mut f| f.write_all(bytes))
+            .map_err(Error::io(path))
     })
 }
 
@@ -43,19 +49,27 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// [`Error::Io`] naming `path`.
 pub fn check_writable(path: &Path) -> Result<()> {
     if path.is_dir() {
-        return Err(Error::Io { file: path.to_owned(), source: std::io::ErrorKind::IsADirectory.into() });
+        return Err(Error::Io {
+            file: path.to_owned(),
+            source: std::io::ErrorKind::IsADirectory.into(),
+        });
     }
-    tempfile::Builder::new().prefix(".lumicache-").tempfile_in(folder(path)).map_err(Error::io(path))?;
+    tempfile::Builder::new()
+        .prefix(".lumicache-")
+        .tempfile_in(folder(path))
+        .map_err(Error::io(path))?;
     Ok(())
 }
 
-/// Fails when two of `outputs`, whose folders exist, are one file, or one of them is `input`: the later write would lose what was there.
+/// Fails when two of `outputs`, whose folders exist, are one file, or one of them is `input`: the
+/// later write would lose what was there.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] naming the file.
 pub fn check_distinct(input: &Path, outputs: &[PathBuf]) -> Result<()> {
     // The file need not exist yet, but its folder does.
-    let place = |path: &Path| Some((folder(path).canonicalize().ok()?, path.file_name()?.to_owned()));
+    let place =
+        |path: &Path| Some((folder(path).canonicalize().ok()?, path.file_name()?.to_owned()));
     let mut known = vec![place(input)];
     for path in outputs {
         let place = place(path);
@@ -70,12 +84,14 @@ pub fn check_distinct(input: &Path, outputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Temporary files are private; an output file gets the permissions that the user's umask gives any new file.
+/// Temporary files are private; an output file gets the permissions that the user's umask gives any
+/// new file.
 #[cfg(unix)]
 fn set_default_mode(path: &Path) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     let probe = path.with_extension("mode");
-    let mode = std::fs::File::create(&probe).and_then(|f| f.metadata()).map(|m| m.permissions().mode());
+    let mode =
+        std::fs::File::create(&probe).and_then(|f| f.metadata()).map(|m| m.permissions().mode());
     // The probe is ours alone: nothing is lost when it is already gone.
     let _ = std::fs::remove_file(&probe);
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode?))

@@ -1,6 +1,7 @@
 //! Vectors, colours, frames and the small algebra the metrics need.
 //!
-//! Vectors and matrices are [`glam`]'s. Single precision everywhere, except where a formula says why not.
+//! Vectors and matrices are [`glam`]'s. Single precision everywhere, except where a formula says
+//! why not.
 
 pub use glam::{Affine3A, DMat2, DVec2, DVec3, Mat3, Vec2, Vec3, Vec4};
 
@@ -30,10 +31,11 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of the unit normal `n` whose tangents depend on `n` alone, so that all points of a plane share them.
+    /// The frame of the unit normal `n` whose tangents depend on `n` alone, so that all points of a
+    /// plane share them.
     ///
-    /// Duff et al. 2017 [Duff17, Listing 3], with components of `n` below 1e-4 taken as zero when the sign is chosen: rounding noise on an
-    /// axis-aligned wall must not flip its tangents.
+    /// Duff et al. 2017 [Duff17, Listing 3], with components of `n` below 1e-4 taken as zero when
+    /// the sign is chosen: rounding noise on an axis-aligned wall must not flip its tangents.
     #[inline]
     pub fn from_normal(n: Vec3) -> Self {
         let sign = if n.z < -1e-4 { -1.0 } else { 1.0 };
@@ -44,7 +46,8 @@ impl Frame {
         Self { s, t, n }
     }
 
-    /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it; [`Frame::from_normal`] where they are within about 0.1° of parallel.
+    /// The frame of the unit normal `n` whose first tangent is `tangent` made orthogonal to it;
+    /// [`Frame::from_normal`] where they are within about 0.1° of parallel.
     pub fn from_normal_tangent(n: Vec3, tangent: Vec3) -> Self {
         let across = tangent - n * n.dot(tangent);
         // Also where the tangent is zero or no number.

@@ -36,7 +36,8 @@ impl Phase {
 
 /// Shared state of a running job: where it is, and whether it should stop.
 ///
-/// Workers call [`Progress::advance`] and poll [`Progress::is_cancelled`]; a watcher reads [`Progress::snapshot`].
+/// Workers call [`Progress::advance`] and poll [`Progress::is_cancelled`]; a watcher reads
+/// [`Progress::snapshot`].
 #[derive(Debug, Default)]
 pub struct Progress {
     phase: AtomicU8,
@@ -76,8 +77,13 @@ impl Progress {
 
     /// Where the job is.
     pub fn snapshot(&self) -> Snapshot {
-        let phase = Phase::ALL[usize::from(self.phase.load(Ordering::Acquire)).min(Phase::ALL.len() - 1)];
-        Snapshot { phase, done: self.done.load(Ordering::Relaxed), total: self.total.load(Ordering::Relaxed) }
+        let phase =
+            Phase::ALL[usize::from(self.phase.load(Ordering::Acquire)).min(Phase::ALL.len() - 1)];
+        Snapshot {
+            phase,
+            done: self.done.load(Ordering::Relaxed),
+            total: self.total.load(Ordering::Relaxed),
+        }
     }
 
     /// Asks the job to stop at its next safe point. Safe to call from a signal handling thread.

@@ -1,4 +1,5 @@
-//! Both back ends against each other and against what a tracer must hold: no leaks, equal bits, whole intervals.
+//! Both back ends against each other and against what a tracer must hold: no leaks, equal bits,
+//! whole intervals.
 
 use lumicache::accel::{Accel, Backend, Coherence, Hit, Ray};
 use lumicache::ffi::mxcsr::FlushDenormals;
@@ -39,7 +40,12 @@ impl Random {
 }
 
 fn mesh(positions: Vec<Vec3>, indices: Vec<[u32; 3]>) -> TriangleMesh {
-    TriangleMesh { name: "test".into(), positions: positions.into(), indices: indices.into(), ..Default::default() }
+    TriangleMesh {
+        name: "test".into(),
+        positions: positions.into(),
+        indices: indices.into(),
+        ..Default::default()
+    }
 }
 
 fn geometry(meshes: Vec<TriangleMesh>, instances: Vec<Instance>) -> Geometry {
@@ -70,26 +76,44 @@ fn sphere(rings: u32, sectors: u32) -> TriangleMesh {
             let [c, d] = [at(ring + 1, sector), at(ring + 1, sector + 1)];
             indices.extend([[a, b, c], [b, d, c]]);
         }
-        indices.push([at(rings - 1, sector), at(rings - 1, sector + 1), positions.len() as u32 - 1]);
+        indices.push([
+            at(rings - 1, sector),
+            at(rings - 1, sector + 1),
+            positions.len() as u32 - 1,
+        ]);
     }
     mesh(positions, indices)
 }
 
 /// An axis-aligned box of the given half sizes with outer faces.
 fn cuboid(half: Vec3) -> TriangleMesh {
-    let corner = |i: u32| half * Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - half;
-    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    mesh((0..8).map(corner).collect(), quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
+    let corner = |i: u32| {
+        half * Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - half
+    };
+    let quads =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    mesh(
+        (0..8).map(corner).collect(),
+        quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+    )
 }
 
 /// A room with two turned blocks, as separate meshes in place.
 fn cornell() -> Geometry {
-    let meshes = vec![cuboid(Vec3::ONE), cuboid(Vec3::new(0.3, 0.6, 0.3)), cuboid(Vec3::splat(0.3))];
+    let meshes =
+        vec![cuboid(Vec3::ONE), cuboid(Vec3::new(0.3, 0.6, 0.3)), cuboid(Vec3::splat(0.3))];
     let place = |mesh, angle, x, y, z| Instance {
         mesh,
         to_world: Affine3A::from_rotation_y(angle) * Affine3A::from_translation(Vec3::new(x, y, z)),
     };
-    geometry(meshes, vec![place(0, 0.0, 0.0, 0.0, 0.0), place(1, 0.3, -0.35, -0.4, -0.3), place(2, -0.3, 0.35, -0.7, 0.35)])
+    geometry(
+        meshes,
+        vec![
+            place(0, 0.0, 0.0, 0.0, 0.0),
+            place(1, 0.3, -0.35, -0.4, -0.3),
+            place(2, -0.3, 0.35, -0.7, 0.35),
+        ],
+    )
 }
 
 fn soup(triangles: usize) -> Geometry {
@@ -107,7 +131,9 @@ fn soup(triangles: usize) -> Geometry {
 fn field() -> Geometry {
     let mut random = Random(2);
     let floor = mesh(
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, z]| Vec3::new(x, -1.0, z)).to_vec(),
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, z]| Vec3::new(x, -1.0, z))
+            .to_vec(),
         vec![[0, 2, 1], [0, 3, 2]],
     );
     let mut instances = vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }];
@@ -115,20 +141,30 @@ fn field() -> Geometry {
         let turn = Mat3::from_axis_angle(random.direction(), 6.0 * random.unit());
         let scale = 0.03 + 0.1 * Vec3::new(random.unit(), random.unit(), random.unit());
         let mirror = if i % 3 == 0 { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
-        let to_world = Affine3A::from_mat3_translation(turn * Mat3::from_diagonal(scale * mirror), 0.9 * random.cube());
+        let to_world = Affine3A::from_mat3_translation(
+            turn * Mat3::from_diagonal(scale * mirror),
+            0.9 * random.cube(),
+        );
         instances.push(Instance { mesh: 1, to_world });
     }
     geometry(vec![floor, sphere(12, 24)], instances)
 }
 
 fn scenes() -> [(&'static str, Geometry); 4] {
-    [("sphere", once(sphere(64, 128))), ("cornell", cornell()), ("soup", soup(50_000)), ("field", field())]
+    [
+        ("sphere", once(sphere(64, 128))),
+        ("cornell", cornell()),
+        ("soup", soup(50_000)),
+        ("field", field()),
+    ]
 }
 
 /// Rays of random direction and length from in and around the cube of edge 2, in random order.
 fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
     let mut random = Random(seed);
-    (0..count).map(|_| Ray::new(1.2 * random.cube(), random.direction() * (0.1 + random.unit()))).collect()
+    (0..count)
+        .map(|_| Ray::new(1.2 * random.cube(), random.direction() * (0.1 + random.unit())))
+        .collect()
 }
 
 fn build(geometry: &Geometry, backend: Backend) -> Accel {
@@ -162,7 +198,10 @@ fn the_back_ends_agree_on_random_rays() {
             hits += usize::from(a.is_hit());
             if a.is_hit() != b.is_hit() {
                 disagree += 1;
-                assert!(at_an_edge(if a.is_hit() { &a } else { &b }), "{name}: {a:?} and {b:?} of {ray:?}");
+                assert!(
+                    at_an_edge(if a.is_hit() { &a } else { &b }),
+                    "{name}: {a:?} and {b:?} of {ray:?}"
+                );
             } else if a.is_hit() {
                 // A millionth of the scene's size across the triangle is more along a grazing ray.
                 let [p, q, r] = geometry.triangle(a.instance, a.triangle);
@@ -176,7 +215,10 @@ fn the_back_ends_agree_on_random_rays() {
                 }
             }
         }
-        eprintln!("{name}: {hits} of {} hit, {disagree} disagree, at most {worst:e} apart", rays.len());
+        eprintln!(
+            "{name}: {hits} of {} hit, {disagree} disagree, at most {worst:e} apart",
+            rays.len()
+        );
         assert!(hits > rays.len() / 4, "{name}: {hits} hits test little");
         assert!(disagree * 100_000 <= rays.len(), "{name}: {disagree} disagreements");
     }
@@ -184,7 +226,8 @@ fn the_back_ends_agree_on_random_rays() {
 
 #[test]
 fn no_ray_leaves_a_closed_mesh() {
-    // Few large and many small triangles; seen from the inside every ray must hit, also those aimed at vertices and along axes.
+    // Few large and many small triangles; seen from the inside every ray must hit, also those aimed
+    // at vertices and along axes.
     for (rings, sectors) in [(3, 4), (16, 16), (200, 300)] {
         let mesh = sphere(rings, sectors);
         let vertices = mesh.positions.clone();
@@ -198,10 +241,12 @@ fn no_ray_leaves_a_closed_mesh() {
                 let dir = match i % 4 {
                     0 => vertices[random.bits() as usize % vertices.len()] - origin,
                     1 => {
-                        let [a, b, _] = geometry.meshes[0].indices[random.bits() as usize % geometry.meshes[0].indices.len()];
+                        let [a, b, _] = geometry.meshes[0].indices
+                            [random.bits() as usize % geometry.meshes[0].indices.len()];
                         vertices[a as usize].lerp(vertices[b as usize], random.unit()) - origin
                     }
-                    2 => [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z][random.bits() as usize % 6],
+                    2 => [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z]
+                        [random.bits() as usize % 6],
                     _ => random.direction(),
                 };
                 let ray = Ray::new(if i % 8 == 2 { Vec3::ZERO } else { origin }, dir);
@@ -209,7 +254,8 @@ fn no_ray_leaves_a_closed_mesh() {
                 assert_eq!(hit, accel.occluded(&ray), "{backend}: {ray:?}");
                 leaks[i % 4] += usize::from(!hit);
             }
-            // Embree's robust mode compares single precision values, which near a vertex of small triangles are all rounding error.
+            // Embree's robust mode compares single precision values, which near a vertex of small
+            // triangles are all rounding error.
             let allowed = if backend == Backend::Embree { [3_000, 0, 0, 0] } else { [0; 4] };
             eprintln!("{backend}, {rings} x {sectors}: {leaks:?} of 75000 each");
             assert!(
@@ -224,16 +270,23 @@ fn no_ray_leaves_a_closed_mesh() {
 fn nothing_is_hit_where_there_is_nothing() {
     let no_triangles = once(mesh(vec![Vec3::ZERO; 3], vec![]));
     let unused = geometry(vec![sphere(4, 4)], vec![]);
-    let no_area = once(mesh(vec![Vec3::ZERO, Vec3::X, Vec3::X, 2.0 * Vec3::X], vec![[0, 0, 0], [0, 1, 2], [0, 1, 3]]));
+    let no_area = once(mesh(
+        vec![Vec3::ZERO, Vec3::X, Vec3::X, 2.0 * Vec3::X],
+        vec![[0, 0, 0], [0, 1, 2], [0, 1, 3]],
+    ));
     for geometry in [Geometry::default(), no_triangles, unused, no_area] {
         for backend in backends() {
             let accel = build(&geometry, backend);
             let rays = random_rays(40, 5);
-            let mut hits = vec![Hit { t: 0.0, u: 0.0, v: 0.0, instance: 0, triangle: 0 }; rays.len()];
+            let mut hits =
+                vec![Hit { t: 0.0, u: 0.0, v: 0.0, instance: 0, triangle: 0 }; rays.len()];
             let mut blocked = vec![true; rays.len()];
             accel.intersect_many(&rays, Coherence::Bundle, &mut hits);
             accel.occluded_many(&rays, &mut blocked);
-            assert!(hits.iter().all(|h| *h == Hit::MISS) && blocked.iter().all(|b| !b), "{backend}");
+            assert!(
+                hits.iter().all(|h| *h == Hit::MISS) && blocked.iter().all(|b| !b),
+                "{backend}"
+            );
             assert!(rays.iter().all(|r| accel.intersect(r) == Hit::MISS && !accel.occluded(r)));
         }
     }
@@ -252,7 +305,10 @@ fn hits_lie_in_the_ray_s_interval() {
             if first.is_hit() {
                 let next = accel.intersect(&Ray { tmin: first.t * 1.00001, ..ray });
                 assert!(next.t > first.t, "{backend}: {first:?}, then {next:?}");
-                assert!(!accel.intersect(&Ray { tmax: first.t * 0.999, ..ray }).is_hit(), "{backend}");
+                assert!(
+                    !accel.intersect(&Ray { tmax: first.t * 0.999, ..ray }).is_hit(),
+                    "{backend}"
+                );
             }
             (ray.tmin, ray.tmax) = (random.unit(), 2.0 * random.unit());
             let hit = accel.intersect(&ray);
@@ -279,16 +335,24 @@ fn hits_name_the_point_by_instance_triangle_and_weights() {
                 }
                 let instance = &geometry.instances[hit.instance as usize];
                 let mesh = &geometry.meshes[instance.mesh as usize];
-                let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.positions[i as usize]);
-                let point = instance.to_world.transform_point3(a + hit.u * (b - a) + hit.v * (c - a));
+                let [a, b, c] =
+                    mesh.indices[hit.triangle as usize].map(|i| mesh.positions[i as usize]);
+                let point =
+                    instance.to_world.transform_point3(a + hit.u * (b - a) + hit.v * (c - a));
                 assert!(
-                    (0.0..=1.0).contains(&hit.u) && (0.0..=1.0).contains(&hit.v) && hit.u + hit.v < 1.0 + 1e-5,
+                    (0.0..=1.0).contains(&hit.u)
+                        && (0.0..=1.0).contains(&hit.v)
+                        && hit.u + hit.v < 1.0 + 1e-5,
                     "{name}: {hit:?}"
                 );
                 // A grazing ray magnifies rounding errors by the inverse of the cosine.
-                let normal =
-                    instance.to_world.transform_vector3(b - a).cross(instance.to_world.transform_vector3(c - a)).normalize();
-                let error = (point - ray.at(hit.t)).length() * normal.dot(ray.dir.normalize()).abs();
+                let normal = instance
+                    .to_world
+                    .transform_vector3(b - a)
+                    .cross(instance.to_world.transform_vector3(c - a))
+                    .normalize();
+                let error =
+                    (point - ray.at(hit.t)).length() * normal.dot(ray.dir.normalize()).abs();
                 worst = worst.max(error);
             }
             eprintln!("{name}, {backend}: point off by {worst:e}");
@@ -316,13 +380,20 @@ fn packets_find_what_single_rays_find() {
                     unequal += usize::from(alone != *hit);
                     disagree += usize::from(
                         alone.is_hit() != hit.is_hit()
-                            || (alone.t != hit.t && (alone.t - hit.t).abs() > 1e-4 * alone.t.max(hit.t)),
+                            || (alone.t != hit.t
+                                && (alone.t - hit.t).abs() > 1e-4 * alone.t.max(hit.t)),
                     );
                     disagree += usize::from(*blocked != alone.is_hit());
                 }
-                eprintln!("{name}, {backend}, {coherence:?}: {unequal} of {} not bit-equal, {disagree} disagree", rays.len());
+                eprintln!(
+                    "{name}, {backend}, {coherence:?}: {unequal} of {} not bit-equal, {disagree} disagree",
+                    rays.len()
+                );
                 assert!(disagree <= 2, "{name}, {backend}: {disagree}");
-                assert!(backend == Backend::Embree || unequal == 0, "{name}: the BVH has no packets");
+                assert!(
+                    backend == Backend::Embree || unequal == 0,
+                    "{name}: the BVH has no packets"
+                );
             }
         }
     }
@@ -372,17 +443,25 @@ fn of_equally_distant_triangles_the_bvh_takes_the_first() {
 
 #[test]
 fn very_near_and_very_small_things_are_hit() {
-    // A sphere of a micrometre, also through a direction of small length and one almost along an axis.
+    // A sphere of a micrometre, also through a direction of small length and one almost along an
+    // axis.
     for scale in [1e-6, 1.0, 1e6] {
         let mut small = sphere(16, 32);
         small.positions.iter_mut().for_each(|p| *p *= scale);
         let geometry = once(small);
         for backend in backends() {
             let accel = build(&geometry, backend);
-            for dir in [Vec3::new(1.0, 1e-9, -1e-9), Vec3::new(1e-3, 2e-3, 1e-3), Vec3::new(300.0, -200.0, 100.0)] {
+            for dir in [
+                Vec3::new(1.0, 1e-9, -1e-9),
+                Vec3::new(1e-3, 2e-3, 1e-3),
+                Vec3::new(300.0, -200.0, 100.0),
+            ] {
                 let hit = accel.intersect(&Ray::new(Vec3::ZERO, dir));
                 let distance = hit.t * dir.length() / scale;
-                assert!((0.97..1.001).contains(&distance), "{backend}, scale {scale}, {dir}: {hit:?}");
+                assert!(
+                    (0.97..1.001).contains(&distance),
+                    "{backend}, scale {scale}, {dir}: {hit:?}"
+                );
             }
         }
     }
@@ -404,7 +483,10 @@ fn rays_that_are_not_numbers_hit_nothing() {
         let mut hits = [Hit::MISS; 6];
         accel.intersect_many(&bad, Coherence::Bundle, &mut hits);
         for (ray, hit) in bad.iter().zip(hits) {
-            assert!(!accel.intersect(ray).is_hit() && !hit.is_hit() && !accel.occluded(ray), "{backend}: {ray:?}");
+            assert!(
+                !accel.intersect(ray).is_hit() && !hit.is_hit() && !accel.occluded(ray),
+                "{backend}: {ray:?}"
+            );
         }
     }
 }
@@ -415,18 +497,34 @@ fn degenerate_input_is_survived() {
     let copies = mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]; 100_000]);
     let needles = {
         let tips = (0..1000).map(|i| Vec3::new(1.0, 1e-7 * i as f32, 0.0));
-        mesh(std::iter::once(Vec3::ZERO).chain(tips).collect(), (1..1000).map(|i| [0, i, i + 1]).collect())
+        mesh(
+            std::iter::once(Vec3::ZERO).chain(tips).collect(),
+            (1..1000).map(|i| [0, i, i + 1]).collect(),
+        )
     };
     let flat = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 1.0, 1e-20)) };
     let huge = |size: f32| {
-        once(mesh((0..4).map(|i| size * Vec3::new(i as f32, 1.0, (i * i) as f32)).collect(), vec![[0, 1, 2], [1, 2, 3]]))
+        once(mesh(
+            (0..4).map(|i| size * Vec3::new(i as f32, 1.0, (i * i) as f32)).collect(),
+            vec![[0, 1, 2], [1, 2, 3]],
+        ))
     };
     let singular = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0)) };
     let far = Instance { mesh: 0, to_world: Affine3A::from_translation(Vec3::splat(1e30)) };
     let odd_instances = geometry(vec![copies.clone()], vec![flat.clone(), flat, singular, far]);
-    let not_numbers =
-        once(mesh(vec![Vec3::NAN, Vec3::X, Vec3::INFINITY, Vec3::Y, Vec3::Z], vec![[0, 1, 2], [1, 2, 3], [0, 3, 4]]));
-    for geometry in [once(copies), once(needles), odd_instances, huge(1e10), huge(1e17), huge(1e30), not_numbers] {
+    let not_numbers = once(mesh(
+        vec![Vec3::NAN, Vec3::X, Vec3::INFINITY, Vec3::Y, Vec3::Z],
+        vec![[0, 1, 2], [1, 2, 3], [0, 3, 4]],
+    ));
+    for geometry in [
+        once(copies),
+        once(needles),
+        odd_instances,
+        huge(1e10),
+        huge(1e17),
+        huge(1e30),
+        not_numbers,
+    ] {
         for backend in backends() {
             let accel = build(&geometry, backend);
             random_rays(100, 12).iter().for_each(|ray| {
@@ -435,7 +533,10 @@ fn degenerate_input_is_survived() {
             });
         }
     }
-    let accel = build(&once(mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]; 100_000])), Backend::Bvh);
+    let accel = build(
+        &once(mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]; 100_000])),
+        Backend::Bvh,
+    );
     let hit = accel.intersect(&Ray::new(Vec3::new(0.25, 0.5, 3.0), Vec3::NEG_Z));
     assert_eq!((hit.t, hit.u, hit.v, hit.triangle), (3.0, 0.25, 0.5, 0));
 }
@@ -446,15 +547,22 @@ fn indices_that_name_nothing_are_refused() {
     let no_mesh = geometry(vec![], vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }]);
     for backend in backends() {
         let text = |g: &Geometry| Accel::build(g, backend).err().unwrap().to_string();
-        assert!(text(&beyond).contains("triangle 1 refers to a vertex beyond its 3"), "{}", text(&beyond));
+        assert!(
+            text(&beyond).contains("triangle 1 refers to a vertex beyond its 3"),
+            "{}",
+            text(&beyond)
+        );
         assert!(text(&no_mesh).contains("instance 0 refers to mesh 0"), "{}", text(&no_mesh));
     }
 }
 
 #[test]
 fn building_and_tracing_leave_the_thread_s_floating_point_mode() {
-    // The product is looked at, too, so that it is made where it stands: the compiler knows nothing of the mode.
-    let half_of_the_least_normal = || std::hint::black_box(std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5));
+    // The product is looked at, too, so that it is made where it stands: the compiler knows nothing
+    // of the mode.
+    let half_of_the_least_normal = || {
+        std::hint::black_box(std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5))
+    };
     let geometry = soup(20_000);
     for backend in backends() {
         let trace = || {
@@ -485,7 +593,13 @@ fn back_ends_have_names() {
     for backend in Backend::ALL {
         assert_eq!(backend.name().parse::<Backend>().unwrap(), backend);
     }
-    assert!("optix".parse::<Backend>().unwrap_err().to_string().contains("choose \"embree\" or \"bvh\""));
+    assert!(
+        "optix"
+            .parse::<Backend>()
+            .unwrap_err()
+            .to_string()
+            .contains("choose \"embree\" or \"bvh\"")
+    );
     assert_eq!(backends().contains(&Backend::Embree), Backend::default() == Backend::Embree);
     if cfg!(not(feature = "embree")) {
         let text = Accel::build(&Geometry::default(), Backend::Embree).err().unwrap().to_string();

@@ -1,9 +1,14 @@
-//! Adaptive caching: the two conditions of full convergence, what the allowed errors follow, and what it costs.
+//! Adaptive caching: the two conditions of full convergence, what the allowed errors follow, and
+//! what it costs.
 
 use crate::pictures::{build, cached, own, render, scheme};
-use lumicache::cache::{Appearance, Cache, FillStats, LevelPoints, Reach, Record, Refinement, Scheme};
+use lumicache::cache::{
+    Appearance, Cache, FillStats, LevelPoints, Reach, Record, Refinement, Scheme,
+};
 use lumicache::film::LAYERS;
-use lumicache::gather::{Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient};
+use lumicache::gather::{
+    Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
+};
 use lumicache::geometry::SurfacePoint;
 use lumicache::integrator::{CameraSample, PathTracer, SceneProbe};
 use lumicache::math::{Color, Frame, Vec3, luminance};
@@ -26,13 +31,19 @@ struct Refined {
 }
 
 impl Refined {
-    fn new(probe: &dyn RadianceProbe, scheme: Scheme, scene_size: f32, seen: Vec<(SurfacePoint, Appearance)>) -> Self {
+    fn new(
+        probe: &dyn RadianceProbe,
+        scheme: Scheme,
+        scene_size: f32,
+        seen: Vec<(SurfacePoint, Appearance)>,
+    ) -> Self {
         let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene_size);
         let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
         let points = LevelPoints { points, round: 0 };
         let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
         let unrefined = records(&cache).len();
-        let second = cache.converge(probe, 0, &points.points, &appearance, 0, &Progress::default()).unwrap();
+        let second =
+            cache.converge(probe, 0, &points.points, &appearance, 0, &Progress::default()).unwrap();
         Self { cache, points: points.points, appearance, stats: [first, second], unrefined }
     }
 
@@ -60,7 +71,14 @@ fn seen(scene: &Scene, size: [u32; 2]) -> Vec<(SurfacePoint, Appearance)> {
     pixels.sort_by_cached_key(|p| hash(&[u64::from(*p)]));
     let ray = |p: u32| {
         let seed = hash(&[0, u64::from(p % size[0]), u64::from(p / size[0])]);
-        let sample = CameraSample::new(&scene.cameras()[0], [p % size[0], p / size[0]], size, seed, 0, u32::MAX);
+        let sample = CameraSample::new(
+            &scene.cameras()[0],
+            [p % size[0], p / size[0]],
+            size,
+            seed,
+            0,
+            u32::MAX,
+        );
         (sample.camera, sample.seed)
     };
     let rays: Vec<_> = pixels.into_iter().map(ray).collect();
@@ -100,8 +118,15 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
                 let weight = scheme.weight.at(e / share, 1.0 / share);
                 let light = luminance(look.reflectance * r.irradiance_at(&reach, at));
                 // The floor: a_min, or where the record is as wide as pixels allow.
-                let floor = (scheme.error_min / scheme.error).max(scheme.min_pixels * r.footprint / radius).min(1.0);
-                valid.push((weight, light, luminance(look.reflectance) * r.sigma, share > 1.0001 * floor));
+                let floor = (scheme.error_min / scheme.error)
+                    .max(scheme.min_pixels * r.footprint / radius)
+                    .min(1.0);
+                valid.push((
+                    weight,
+                    light,
+                    luminance(look.reflectance) * r.sigma,
+                    share > 1.0001 * floor,
+                ));
             }
         }
         if valid.is_empty() {
@@ -111,7 +136,8 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
             continue;
         }
         let mean = |without: usize| {
-            let others: Vec<_> = valid.iter().enumerate().filter(|(k, _)| *k != without).map(|(_, v)| *v).collect();
+            let others: Vec<_> =
+                valid.iter().enumerate().filter(|(k, _)| *k != without).map(|(_, v)| *v).collect();
             let w: f32 = others.iter().map(|v| v.0).sum();
             let variance: f32 = others.iter().map(|v| (v.0 * v.2).powi(2)).sum();
             (others.iter().map(|v| v.0 * v.1).sum::<f32>() / w, variance.sqrt() / w)
@@ -121,7 +147,8 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
             .map(|k| {
                 let (without, other) = mean(k);
                 // Rounding may tip what is undecided.
-                (all - without).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
+                (all - without).abs()
+                    > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
             })
             .collect();
         let nearest = (0..valid.len()).max_by(|a, b| valid[*a].0.total_cmp(&valid[*b].0)).unwrap();
@@ -131,7 +158,11 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
             let (a, b) = (&valid[k], &valid[nearest]);
             (a.1 - b.1).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + a.2.max(b.2))
         };
-        let removable = |k: usize| valid[k].3 && !spared(k) && (differs[k] || (spared(nearest) && differs[nearest] && apart(k)));
+        let removable = |k: usize| {
+            valid[k].3
+                && !spared(k)
+                && (differs[k] || (spared(nearest) && differs[nearest] && apart(k)))
+        };
         if (0..valid.len()).any(removable) {
             verdict.visible += 1;
         } else if differs.contains(&true) {
@@ -143,27 +174,43 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
 
 #[test]
 fn levels_converge_fully() {
-    for (name, size) in
-        [("cornell-box", [72, 72]), ("staircase-room", [96, 72]), ("mirror-room", [80, 60]), ("curved-spheres", [80, 60])]
-    {
+    for (name, size) in [
+        ("cornell-box", [72, 72]),
+        ("staircase-room", [96, 72]),
+        ("mirror-room", [80, 60]),
+        ("curved-spheres", [80, 60]),
+    ] {
         let scene = build(own(name));
         for preset in ["krivanek06", "hmdic"] {
             let r = Refined::scene(&scene, quick(preset), size);
             // The points of mirrored surfaces are among them.
-            assert!(r.points.len() > (size[0] * size[1]) as usize * 3 / 4, "{name}: {} points", r.points.len());
+            assert!(
+                r.points.len() > (size[0] * size[1]) as usize * 3 / 4,
+                "{name}: {} points",
+                r.points.len()
+            );
             let [_, stats] = &r.stats;
             let v = verdict(&r.cache, &r.points, &r.appearance);
-            eprintln!("{name}, {preset}: {} -> {} records, {} passes, {v:?}", r.unrefined, r.records().len(), stats.passes);
+            eprintln!(
+                "{name}, {preset}: {} -> {} records, {} passes, {v:?}",
+                r.unrefined,
+                r.records().len(),
+                stats.passes
+            );
             assert!(v.uncovered == 0 && v.visible == 0, "{name}, {preset}: {v:?}");
             assert!(stats.passes <= 15 && stats.reductions > 0, "{name}, {preset}: {stats:?}");
             // Before refinement the conditions do not hold: the test can fail.
             let points = LevelPoints { points: r.points.clone(), round: 0 };
-            let mut cache = Cache::new(Scheme { levels: 1, ..quick(preset) }, u32::MAX, scene.size());
+            let mut cache =
+                Cache::new(Scheme { levels: 1, ..quick(preset) }, u32::MAX, scene.size());
             cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
             assert!(verdict(&cache, &r.points, &r.appearance).visible > 20, "{name}, {preset}");
             for record in r.records() {
                 let scheme = r.cache.scheme();
-                assert!(record.error >= 0.9999 * scheme.error_min && record.error <= scheme.error, "{record:?}");
+                assert!(
+                    record.error >= 0.9999 * scheme.error_min && record.error <= scheme.error,
+                    "{record:?}"
+                );
             }
         }
     }
@@ -174,13 +221,16 @@ fn lookups_respect_each_record_s_own_error() {
     let scene = build(own("cornell-box"));
     for preset in ["krivanek06", "hmdic"] {
         let r = Refined::scene(&scene, quick(preset), [64, 64]);
-        let (scheme, reach) = (r.cache.scheme(), Reach::new(r.cache.scheme(), 0, scene.size(), 1.0));
+        let (scheme, reach) =
+            (r.cache.scheme(), Reach::new(r.cache.scheme(), 0, scene.size(), 1.0));
         let mut several = 0;
         for at in &r.points {
             let (mut sum, mut weights, mut allowed, mut count) = (Color::ZERO, 0.0, 0.0, 0);
             for x in r.records() {
                 let share = x.error / scheme.error;
-                if let Some(e) = x.error_at(&reach, at, Some(1e-4 * scene.size())).filter(|e| *e < share) {
+                if let Some(e) =
+                    x.error_at(&reach, at, Some(1e-4 * scene.size())).filter(|e| *e < share)
+                {
                     let w = scheme.weight.at(e / share, 1.0 / share);
                     sum += w * x.irradiance_at(&reach, at);
                     weights += w;
@@ -192,10 +242,21 @@ fn lookups_respect_each_record_s_own_error() {
             // A record whose area ends at the point but for rounding may count on one side alone.
             let Some(answer) = answer.filter(|a| a.records == count) else { continue };
             several += usize::from(count > 1);
-            assert!((answer.irradiance - sum / weights).abs().max_element() <= 1e-3 * answer.irradiance.max_element());
-            assert!((answer.allowed - allowed / weights).abs() < 1e-3, "{preset}: {} {}", answer.allowed, allowed / weights);
+            assert!(
+                (answer.irradiance - sum / weights).abs().max_element()
+                    <= 1e-3 * answer.irradiance.max_element()
+            );
+            assert!(
+                (answer.allowed - allowed / weights).abs() < 1e-3,
+                "{preset}: {} {}",
+                answer.allowed,
+                allowed / weights
+            );
         }
-        assert!(several * 3 > r.points.len(), "{preset}: only {several} points have more than one record");
+        assert!(
+            several * 3 > r.points.len(),
+            "{preset}: only {several} points have more than one record"
+        );
     }
 }
 
@@ -208,7 +269,8 @@ struct Field<F> {
 impl<F: Fn(Vec3, u64) -> f32 + Sync> RadianceProbe for Field<F> {
     fn incoming(&self, from: &SurfacePoint, _: u8, _: &dyn Deeper, bundle: &mut Bundle) {
         for k in 0..bundle.len() {
-            bundle.radiance[k] = Color::splat((self.radiance)(from.position, hash(&[bundle.seed, k as u64])));
+            bundle.radiance[k] =
+                Color::splat((self.radiance)(from.position, hash(&[bundle.seed, k as u64])));
             bundle.distance[k] = self.distance;
             bundle.normal[k] = -bundle.dir_local[k];
             bundle.kind[k] = HitKind::Surface;
@@ -223,7 +285,13 @@ fn floor(direct: f32) -> Vec<(SurfacePoint, Appearance)> {
     (0..40_000)
         .map(|_| {
             let position = Vec3::new(4.0 * rng.next_f32() - 2.0, 4.0 * rng.next_f32() - 2.0, 0.0);
-            let at = SurfacePoint { position, ng: Vec3::Z, frame: Frame::from_normal(Vec3::Z), footprint: 0.005, ..template };
+            let at = SurfacePoint {
+                position,
+                ng: Vec3::Z,
+                frame: Frame::from_normal(Vec3::Z),
+                footprint: 0.005,
+                ..template
+            };
             (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), direct })
         })
         .collect()
@@ -234,8 +302,12 @@ fn records_are_small_at_a_step_and_large_away_from_it() {
     let field = Field { radiance: |x: Vec3, _| if x.x < 0.1 { 1.0 } else { 2.0 }, distance: 1.0 };
     let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(0.0));
     let [near, far] = [0.0..0.05, 1.0..9.0].map(|distance: std::ops::Range<f32>| {
-        let chosen: Vec<f32> =
-            r.records().iter().filter(|x| distance.contains(&(x.position.x - 0.1).abs())).map(|x| x.error).collect();
+        let chosen: Vec<f32> = r
+            .records()
+            .iter()
+            .filter(|x| distance.contains(&(x.position.x - 0.1).abs()))
+            .map(|x| x.error)
+            .collect();
         chosen.iter().sum::<f32>() / chosen.len() as f32
     });
     assert!(near < 0.12 && far > 0.49, "mean a {near} at the step, {far} far from it");
@@ -250,13 +322,18 @@ fn strong_direct_light_makes_records_superfluous() {
         r.records().len() - r.unrefined
     });
     // Against light that outshines it a hundred times no change of the field can be seen.
-    assert!(2 * counts[0] > 3 * counts[1] && counts[1] > 0 && counts[2] == 0, "{counts:?} more records");
+    assert!(
+        2 * counts[0] > 3 * counts[1] && counts[1] > 0 && counts[2] == 0,
+        "{counts:?} more records"
+    );
 }
 
 #[test]
 fn the_allowance_for_noise_saves_most_records() {
-    // 128 rays of random radiance 0 or 2: the standard error of the irradiance is 9 %, far above what the eye could see if it were no noise.
-    let field = Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
+    // 128 rays of random radiance 0 or 2: the standard error of the irradiance is 9 %, far above
+    // what the eye could see if it were no noise.
+    let field =
+        Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
     let without_gradient = |scheme| Scheme {
         translational_gradient: TranslationalGradient::None,
         gradient_clamp: false,
@@ -265,28 +342,46 @@ fn the_allowance_for_noise_saves_most_records() {
     };
     let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
     let (before, after) = (r.unrefined, r.records().len());
-    // One standard error is allowed, so that some pairs of records still seem to differ. Without the allowance the same field is refined to the utmost.
+    // One standard error is allowed, so that some pairs of records still seem to differ. Without
+    // the allowance the same field is refined to the utmost.
     struct Certain<P>(P);
     impl<P: RadianceProbe> RadianceProbe for Certain<P> {
-        fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
+        fn incoming(
+            &self,
+            from: &SurfacePoint,
+            level: u8,
+            deeper: &dyn Deeper,
+            bundle: &mut Bundle,
+        ) {
             self.0.incoming(from, level, deeper, bundle);
             let mean = bundle.radiance.iter().sum::<Color>() / bundle.len() as f32;
             bundle.radiance.fill(mean);
         }
     }
-    let certain = Refined::new(&Certain(field), without_gradient(quick("krivanek06")), 10.0, floor(0.0));
+    let certain =
+        Refined::new(&Certain(field), without_gradient(quick("krivanek06")), 10.0, floor(0.0));
     let certain = certain.records().len();
-    assert!(before < after && 4 * after < certain, "{before} records become {after}, and {certain} without the allowance");
+    assert!(
+        before < after && 4 * after < certain,
+        "{before} records become {after}, and {certain} without the allowance"
+    );
 }
 
 #[test]
 fn light_through_a_slit() {
     let scene = build(own("slit-light"));
-    let r = Refined::scene(&scene, Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") }, [160, 120]);
-    // The floor below the panel; the middle of each edge of the band lies where half of the panel is seen, 0.36 m from the axis.
+    let r = Refined::scene(
+        &scene,
+        Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") },
+        [160, 120],
+    );
+    // The floor below the panel; the middle of each edge of the band lies where half of the panel
+    // is seen, 0.36 m from the axis.
     let mean = |range: std::ops::Range<f32>| {
-        let on_floor = |x: &&Record| x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1;
-        let here = r.records().iter().filter(on_floor).filter(|x| range.contains(&x.position.x.abs()));
+        let on_floor =
+            |x: &&Record| x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1;
+        let here =
+            r.records().iter().filter(on_floor).filter(|x| range.contains(&x.position.x.abs()));
         let errors: Vec<f32> = here.map(|x| x.error).collect();
         errors.iter().sum::<f32>() / errors.len() as f32
     };
@@ -333,9 +428,13 @@ fn refinement_costs_little_beside_gathering() {
         cache.converge(&timed, 0, &first.points, &appearance, 0, &Progress::default()).unwrap();
         let all = cpu_seconds() - start;
         // What a record costs beside its rays: directions, estimates, gradients.
-        let records: u64 = (0..2).map(|level| cache.level(level).unwrap().records().len() as u64).sum();
+        let records: u64 =
+            (0..2).map(|level| cache.level(level).unwrap().records().len() as u64).sum();
         let (start, idle) = (cpu_seconds(), Cache::new(scheme("krivanek06"), 0, scene.size()));
-        let (constant, reach) = (Field { radiance: |_, _| 1.0, distance: 1.0 }, Reach::new(idle.scheme(), 0, scene.size(), 1.0));
+        let (constant, reach) = (
+            Field { radiance: |_, _| 1.0, distance: 1.0 },
+            Reach::new(idle.scheme(), 0, scene.size(), 1.0),
+        );
         let mut samples = HemisphereSamples::new(idle.scheme().layout(0), idle.scheme().density);
         for at in &first.points[..256] {
             samples.gather(&constant, at, 0, &idle, 0);
@@ -357,11 +456,17 @@ fn no_record_misses_a_step() {
     let scene = build(own("staircase-room"));
     let r = Refined::scene(&scene, quick("krivanek06"), [160, 120]);
     let missed = |records: &[Record]| {
-        let excess = |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
-        records.iter().flat_map(|a| records.iter().map(move |b| (a, b))).filter(|(a, b)| excess(a, b) > 1e-4 * a.length).count()
+        let excess =
+            |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
+        records
+            .iter()
+            .flat_map(|a| records.iter().map(move |b| (a, b)))
+            .filter(|(a, b)| excess(a, b) > 1e-4 * a.length)
+            .count()
     };
     assert_eq!(missed(r.records()), 0, "records that missed a feature that their neighbours saw");
-    let free: Vec<Record> = r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
+    let free: Vec<Record> =
+        r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
     assert!(missed(&free) > 0, "the test cannot fail");
 }
 
@@ -378,14 +483,20 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
         settings.scheme.rays = 256;
         let picture = render(&scene, &settings);
         let answered = layer(&picture, "gi.records");
-        let a: Vec<f32> = layer(&picture, "gi.a").into_iter().zip(answered).filter(|(_, n)| *n > 0.0).map(|(a, _)| a).collect();
+        let a: Vec<f32> = layer(&picture, "gi.a")
+            .into_iter()
+            .zip(answered)
+            .filter(|(_, n)| *n > 0.0)
+            .map(|(a, _)| a)
+            .collect();
         assert!(a.len() > 2000);
         (a, settings.scheme)
     };
     let (constant, scheme) = a("ward-heckbert92");
     assert!(constant.iter().all(|a| (a - scheme.error).abs() < 1e-5), "{constant:?}");
     let (map, scheme) = a("krivanek06");
-    let (least, most) = map.iter().fold((f32::INFINITY, 0.0_f32), |(l, m), a| (l.min(*a), m.max(*a)));
+    let (least, most) =
+        map.iter().fold((f32::INFINITY, 0.0_f32), |(l, m), a| (l.min(*a), m.max(*a)));
     assert!(least >= 0.999 * scheme.error_min && most <= 1.001 * scheme.error, "{least} to {most}");
     assert!(least < 0.5 * most, "{least} to {most}");
 }
@@ -396,7 +507,10 @@ fn bad_input_is_refused() {
     let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
     let (points, appearance): (Vec<_>, Vec<_>) = seen(&scene, [4, 4]).into_iter().unzip();
     let converge = |cache: &mut Cache, appearance: &[Appearance]| {
-        cache.converge(&probe(&scene), 0, &points, appearance, 0, &Progress::default()).unwrap_err().to_string()
+        cache
+            .converge(&probe(&scene), 0, &points, appearance, 0, &Progress::default())
+            .unwrap_err()
+            .to_string()
     };
     assert!(converge(&mut cache, &appearance).contains("before it is filled"));
     assert!(converge(&mut cache, &appearance[1..]).contains("appearances"));

@@ -1,6 +1,8 @@
-//! The structure of the source: module order, citations, file sizes, where `unsafe` may stand, and versions that must agree.
+//! The structure of the source: module order, citations, file sizes, where `unsafe` may stand, and
+//! versions that must agree.
 //!
-//! The files are read as text. A small lexer tells code from comments and blanks string literals, so that a word in a string is no finding.
+//! The files are read as text. A small lexer tells code from comments and blanks string literals,
+//! so that a word in a string is no finding.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -36,8 +38,10 @@ const ORDER: &[&str] = &[
 ];
 
 /// What the order would allow and the design does not: the cache knows no scene.
-const DENIED: &[(&str, &[&str])] =
-    &[("gather", &["scene", "integrator", "film", "render"]), ("cache", &["scene", "integrator", "film", "render"])];
+const DENIED: &[(&str, &[&str])] = &[
+    ("gather", &["scene", "integrator", "film", "render"]),
+    ("cache", &["scene", "integrator", "film", "render"]),
+];
 
 /// These see the cache as its users do: what `cache` itself exports, not its submodules.
 const CACHE_USERS: &[&str] = &["compare", "bench"];
@@ -53,7 +57,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The files under `folder` with one of these extensions, sorted, relative to the root of the project.
+/// The files under `folder` with one of these extensions, sorted, relative to the root of the
+/// project.
 fn files(folder: &str, extensions: &[&str]) -> Vec<PathBuf> {
     fn walk(folder: &Path, extensions: &[&str], found: &mut Vec<PathBuf>) {
         let Ok(entries) = fs::read_dir(folder) else { return };
@@ -75,7 +80,8 @@ fn read(path: &Path) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// A Rust source as two texts of the same length: its code with comments and literals blanked, and its comments alone.
+/// A Rust source as two texts of the same length: its code with comments and literals blanked, and
+/// its comments alone.
 struct Source {
     code: String,
     comments: String,
@@ -90,9 +96,13 @@ impl Source {
             Blank,
         }
         let chars: Vec<char> = text.chars().collect();
-        let starts = |i: usize, what: &str| what.chars().enumerate().all(|(k, c)| chars.get(i + k) == Some(&c));
+        let starts = |i: usize, what: &str| {
+            what.chars().enumerate().all(|(k, c)| chars.get(i + k) == Some(&c))
+        };
         let until = |from: usize, what: &str| {
-            (from..chars.len()).find(|&i| starts(i, what)).map_or(chars.len(), |i| i + what.chars().count())
+            (from..chars.len())
+                .find(|&i| starts(i, what))
+                .map_or(chars.len(), |i| i + what.chars().count())
         };
         let mut parts = vec![Part::Code; chars.len()];
         let mut i = 0;
@@ -148,7 +158,8 @@ fn tokens(code: &str) -> Vec<String> {
     tokens
 }
 
-/// Every path of `tree`, the part of a path after `prefix::`; groups are expanded. Returns the number of tokens read.
+/// Every path of `tree`, the part of a path after `prefix::`; groups are expanded. Returns the
+/// number of tokens read.
 fn paths(tree: &[String], prefix: &[String], found: &mut Vec<Vec<String>>) -> usize {
     let mut path = prefix.to_vec();
     let mut i = 0;
@@ -171,7 +182,8 @@ fn paths(tree: &[String], prefix: &[String], found: &mut Vec<Vec<String>>) -> us
     i
 }
 
-/// The paths into this crate that `code` names. `depth` is that of the file's module: 1 for src/x.rs and src/x/mod.rs, 2 for src/x/y.rs.
+/// The paths into this crate that `code` names. `depth` is that of the file's module: 1 for
+/// src/x.rs and src/x/mod.rs, 2 for src/x/y.rs.
 fn crate_paths(code: &str, depth: usize) -> Vec<Vec<String>> {
     let tokens = tokens(code);
     let mut found = Vec::new();
@@ -180,12 +192,18 @@ fn crate_paths(code: &str, depth: usize) -> Vec<Vec<String>> {
         if inside_path {
             continue;
         }
-        if matches!(tokens[i].as_str(), "crate" | "lumicache") && tokens.get(i + 1).is_some_and(|t| t == "::") {
+        if matches!(tokens[i].as_str(), "crate" | "lumicache")
+            && tokens.get(i + 1).is_some_and(|t| t == "::")
+        {
             paths(&tokens[i + 2..], &[], &mut found);
         } else if tokens[i] == "super" {
-            let supers = tokens[i..].chunks(2).take_while(|c| c.len() == 2 && c[0] == "super" && c[1] == "::").count();
+            let supers = tokens[i..]
+                .chunks(2)
+                .take_while(|c| c.len() == 2 && c[0] == "super" && c[1] == "::")
+                .count();
             if supers >= depth {
-                // At the top level of a file this is the crate's root; in a nested module it may not be, which only a module's name tells.
+                // At the top level of a file this is the crate's root; in a nested module it may
+                // not be, which only a module's name tells.
                 let mut relative = Vec::new();
                 paths(&tokens[i + 2 * supers..], &[], &mut relative);
                 found.extend(relative.into_iter().filter(|p| ORDER.contains(&p[0].as_str())));
@@ -197,7 +215,11 @@ fn crate_paths(code: &str, depth: usize) -> Vec<Vec<String>> {
 
 /// The top-level module of a file of `src`, and the depth of the file's own module.
 fn module_of(path: &Path) -> (String, usize) {
-    let parts: Vec<_> = path.iter().skip(1).map(|p| p.to_string_lossy().trim_end_matches(".rs").to_owned()).collect();
+    let parts: Vec<_> = path
+        .iter()
+        .skip(1)
+        .map(|p| p.to_string_lossy().trim_end_matches(".rs").to_owned())
+        .collect();
     let depth = parts.len() - usize::from(parts.last().is_some_and(|p| p == "mod"));
     (parts[0].clone(), depth)
 }
@@ -217,7 +239,9 @@ fn objection(module: &str, path: &[String]) -> Option<String> {
     if DENIED.iter().any(|(m, denied)| *m == module && denied.contains(&target)) {
         return Some(format!("{module} must not know {target}"));
     }
-    let submodule = path.get(1).filter(|s| target == "cache" && CACHE_USERS.contains(&module) && is_submodule(target, s));
+    let submodule = path
+        .get(1)
+        .filter(|s| target == "cache" && CACHE_USERS.contains(&module) && is_submodule(target, s));
     submodule.map(|s| format!("{s} is internal to {target}"))
 }
 
@@ -232,7 +256,8 @@ fn a_module_uses_only_those_below_it() {
     for path in files("src", &["rs"]).into_iter().filter(|p| *p != Path::new("src/lib.rs")) {
         let (module, depth) = module_of(&path);
         if module != "main" && !ORDER.contains(&module.as_str()) {
-            faults.push(format!("{}: {module} has no place in the order of modules", path.display()));
+            faults
+                .push(format!("{}: {module} has no place in the order of modules", path.display()));
         }
         for target in crate_paths(&Source::parse(&read(&path)).code, depth) {
             if let Some(reason) = objection(&module, &target) {
@@ -247,8 +272,12 @@ fn a_module_uses_only_those_below_it() {
 fn the_check_of_the_module_order_sees_every_way_to_name_a_module() {
     let code = "use crate::error::Error;\nuse crate::{film, scene::{self, SceneData}};\nfn f() { super::super::render::go(); crate::math::x() }
         // use crate::bench;\nlet s = \"crate::compare\"; let r = r#\"crate::import \" \"#; let c = '\"'; use super::light; impl<'a> X<'a> {}";
-    let heads: Vec<_> = crate_paths(&Source::parse(code).code, 2).into_iter().map(|p| p.join("::")).collect();
-    assert_eq!(heads, ["error::Error", "film", "scene::self", "scene::SceneData", "render::go", "math::x"]);
+    let heads: Vec<_> =
+        crate_paths(&Source::parse(code).code, 2).into_iter().map(|p| p.join("::")).collect();
+    assert_eq!(
+        heads,
+        ["error::Error", "film", "scene::self", "scene::SceneData", "render::go", "math::x"]
+    );
     let path = |p: &str| p.split("::").map(str::to_owned).collect::<Vec<_>>();
     assert!(objection("gather", &path("scene::Scene")).is_some());
     assert!(objection("math", &path("accel::Accel")).is_some());
@@ -259,16 +288,23 @@ fn the_check_of_the_module_order_sees_every_way_to_name_a_module() {
 #[test]
 fn the_crate_and_the_documentation_list_the_modules_in_order() {
     let library = Source::parse(&read(Path::new("src/lib.rs"))).code;
-    let declared: Vec<_> = library.lines().filter_map(|l| l.trim().strip_prefix("pub mod ")?.strip_suffix(';')).collect();
+    let declared: Vec<_> = library
+        .lines()
+        .filter_map(|l| l.trim().strip_prefix("pub mod ")?.strip_suffix(';'))
+        .collect();
     let ordered: Vec<_> = ORDER.iter().copied().filter(|m| declared.contains(m)).collect();
     assert_eq!(declared, ordered, "src/lib.rs");
     let documented = read(Path::new("docs/ARCHITECTURE.md"));
-    let rows: Vec<_> =
-        documented.lines().filter_map(|l| l.strip_prefix("| `")?.split('`').next()).filter(|m| ORDER.contains(m)).collect();
+    let rows: Vec<_> = documented
+        .lines()
+        .filter_map(|l| l.strip_prefix("| `")?.split('`').next())
+        .filter(|m| ORDER.contains(m))
+        .collect();
     assert_eq!(rows, declared, "the table of modules in docs/ARCHITECTURE.md");
 }
 
-/// The keys that `text` cites as `[Key]`, `[Key, Eq. 2]` or `[Key; Other, Sec. 3]`; markdown links and quoted code are none.
+/// The keys that `text` cites as `[Key]`, `[Key, Eq. 2]` or `[Key; Other, Sec. 3]`; markdown links
+/// and quoted code are none.
 fn citations(text: &str) -> Vec<String> {
     let mut keys = Vec::new();
     for (at, _) in text.match_indices('[') {
@@ -278,9 +314,14 @@ fn citations(text: &str) -> Vec<String> {
         }
         for part in text[at + 1..end].split(';') {
             let (key, place) = part.trim().split_once(',').unwrap_or((part.trim(), ""));
-            let name = key.trim_end_matches(|c: char| c.is_ascii_lowercase()).trim_end_matches(|c: char| c.is_ascii_digit());
+            let name = key
+                .trim_end_matches(|c: char| c.is_ascii_lowercase())
+                .trim_end_matches(|c: char| c.is_ascii_digit());
             let year = key[name.len()..].chars().take_while(char::is_ascii_digit).count();
-            let plain = |s: &str| s.chars().next().is_some_and(char::is_uppercase) && s.chars().all(char::is_alphanumeric);
+            let plain = |s: &str| {
+                s.chars().next().is_some_and(char::is_uppercase)
+                    && s.chars().all(char::is_alphanumeric)
+            };
             let places = [
                 "Eq.",
                 "Eqs.",
@@ -317,13 +358,16 @@ fn every_citation_is_in_the_bibliography() {
     let bibliography = read(Path::new("docs/references.bib"));
     let mut entries = BTreeMap::new();
     for line in bibliography.lines().filter(|l| l.starts_with('@')) {
-        let key =
-            line.split_once('{').and_then(|(_, k)| k.strip_suffix(',')).unwrap_or_else(|| panic!("docs/references.bib: {line}"));
+        let key = line
+            .split_once('{')
+            .and_then(|(_, k)| k.strip_suffix(','))
+            .unwrap_or_else(|| panic!("docs/references.bib: {line}"));
         assert!(entries.insert(key, ()).is_none(), "docs/references.bib: {key} stands there twice");
     }
     let mut unknown = Vec::new();
-    let rust =
-        files("src", &["rs"]).into_iter().chain(files("tests", &["rs"]).into_iter().filter(|p| !p.ends_with("architecture.rs")));
+    let rust = files("src", &["rs"])
+        .into_iter()
+        .chain(files("tests", &["rs"]).into_iter().filter(|p| !p.ends_with("architecture.rs")));
     // The slashes of a comment that goes on in the next line are no part of the citation.
     let comments = rust.map(|p| (Source::parse(&read(&p)).comments.replace(['/', '!'], " "), p));
     let prose = files("docs", &["md"]).into_iter().map(|p| (read(&p), p));
@@ -340,10 +384,14 @@ fn every_citation_is_in_the_bibliography() {
 
 #[test]
 fn files_are_short() {
-    let sources = [("src", "rs"), ("tests", "rs"), ("scenes", "py")].map(|(folder, extension)| files(folder, &[extension]));
+    let sources = [("src", "rs"), ("tests", "rs"), ("scenes", "py")]
+        .map(|(folder, extension)| files(folder, &[extension]));
     let tables: Vec<_> = LONG_TABLES.iter().map(Path::new).collect();
-    let long: Vec<_> =
-        sources.concat().into_iter().filter(|p| !tables.contains(&p.as_path()) && read(p).lines().count() > MAX_LINES).collect();
+    let long: Vec<_> = sources
+        .concat()
+        .into_iter()
+        .filter(|p| !tables.contains(&p.as_path()) && read(p).lines().count() > MAX_LINES)
+        .collect();
     assert!(long.is_empty(), "longer than {MAX_LINES} lines: {long:?}");
     assert!(tables.iter().all(|t| root().join(t).exists()), "an exception for a file that is gone");
 }
@@ -353,7 +401,9 @@ fn unsafe_code_stays_where_it_belongs() {
     let mut faults = Vec::new();
     for path in files("src", &["rs"]) {
         let source = Source::parse(&read(&path));
-        if !UNSAFE.contains(&module_of(&path).0.as_str()) && tokens(&source.code).iter().any(|t| t == "unsafe") {
+        if !UNSAFE.contains(&module_of(&path).0.as_str())
+            && tokens(&source.code).iter().any(|t| t == "unsafe")
+        {
             faults.push(path);
         }
     }
@@ -362,10 +412,22 @@ fn unsafe_code_stays_where_it_belongs() {
 
 #[test]
 fn nothing_is_left_for_later() {
-    let marks =
-        [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("todo", "!("), concat!("unimpl", "emented!("), concat!("dbg", "!(")];
-    let sources = [files("src", &["rs"]), files("tests", &["rs"]), files("docs", &["md"]), files("scenes", &["py"])].concat();
-    let found: Vec<_> = sources.iter().filter(|p| marks.iter().any(|m| read(p).contains(m))).collect();
+    let marks = [
+        concat!("TO", "DO"),
+        concat!("FIX", "ME"),
+        concat!("todo", "!("),
+        concat!("unimpl", "emented!("),
+        concat!("dbg", "!("),
+    ];
+    let sources = [
+        files("src", &["rs"]),
+        files("tests", &["rs"]),
+        files("docs", &["md"]),
+        files("scenes", &["py"]),
+    ]
+    .concat();
+    let found: Vec<_> =
+        sources.iter().filter(|p| marks.iter().any(|m| read(p).contains(m))).collect();
     assert!(found.is_empty(), "{found:?}");
 }
 

@@ -1,6 +1,10 @@
-//! Orthonormality, derivatives and rotations of both bases against quadrature, differences and exact values.
+//! Orthonormality, derivatives and rotations of both bases against quadrature, differences and
+//! exact values.
 
-use lumicache::basis::{Basis, HSH_COSINE, Hsh, Jet, LANES, Lane, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, rotate_z};
+use lumicache::basis::{
+    Basis, HSH_COSINE, Hsh, Jet, LANES, Lane, Sh, ShRotation, Tilt, Turn, gauss_legendre, index,
+    rotate_z,
+};
 use lumicache::math::{DVec3, Frame, Vec3};
 use lumicache::sampling::Rng;
 use std::f64::consts::{PI, TAU};
@@ -49,7 +53,8 @@ fn norm(c: &[f32]) -> f32 {
 
 #[test]
 fn orthonormal() {
-    // Products of spherical harmonics are polynomials of the direction, those of hemispherical ones of cos θ and the azimuth: the quadrature is exact for both.
+    // Products of spherical harmonics are polynomials of the direction, those of hemispherical ones
+    // of cos θ and the azimuth: the quadrature is exact for both.
     let bases: [(Box<dyn Basis>, f64); 4] = [
         (Box::new(Sh::new(10)), -1.0),
         (Box::new(Hsh::new(10)), 0.0),
@@ -67,7 +72,9 @@ fn orthonormal() {
                 }
             }
         }
-        let worst = (0..n * n).map(|k| (gram[k] - f64::from(u8::from(k / n == k % n))).abs()).fold(0.0, f64::max);
+        let worst = (0..n * n)
+            .map(|k| (gram[k] - f64::from(u8::from(k / n == k % n))).abs())
+            .fold(0.0, f64::max);
         assert!(worst < 1e-11, "order {}: {worst}", basis.order());
     }
 }
@@ -105,7 +112,9 @@ fn derivatives_agree_with_differences() {
             }
             let here = jets(basis, w);
             let near: Vec<(Vec<Jet>, Vec<Jet>)> = [DVec3::X, DVec3::Y, DVec3::Z]
-                .map(|e| (jets(basis, (w + h * e).normalize()), jets(basis, (w - h * e).normalize())))
+                .map(|e| {
+                    (jets(basis, (w + h * e).normalize()), jets(basis, (w - h * e).normalize()))
+                })
                 .into();
             let scale = if hemisphere { 10.0 } else { 1.0 };
             for (i, jet) in here.iter().enumerate() {
@@ -113,10 +122,16 @@ fn derivatives_agree_with_differences() {
                 for axis in 0..3 {
                     let (plus, minus) = (&near[axis].0[i], &near[axis].1[i]);
                     let slope = (plus.value - minus.value) / (2.0 * h);
-                    assert!((slope - jet.gradient[axis]).abs() < 2e-5 * scale, "{i} {w}: {slope} {}", jet.gradient);
+                    assert!(
+                        (slope - jet.gradient[axis]).abs() < 2e-5 * scale,
+                        "{i} {w}: {slope} {}",
+                        jet.gradient
+                    );
                     // The gradient of the extension at v is that at v/|v| over |v|.
-                    let length = |sign: f64| (w + sign * h * [DVec3::X, DVec3::Y, DVec3::Z][axis]).length();
-                    let bend = (plus.gradient / length(1.0) - minus.gradient / length(-1.0)) / (2.0 * h);
+                    let length =
+                        |sign: f64| (w + sign * h * [DVec3::X, DVec3::Y, DVec3::Z][axis]).length();
+                    let bend =
+                        (plus.gradient / length(1.0) - minus.gradient / length(-1.0)) / (2.0 * h);
                     let error = (bend - jet.hessian.col(axis)).length();
                     assert!(error < 2e-4 * scale * scale, "{i} {w} {axis}: {bend} {}", jet.hessian);
                 }
@@ -152,7 +167,17 @@ fn zonal(basis: &dyn Basis, low: f64, f: impl Fn(f64) -> f64) -> Vec<f64> {
 #[test]
 fn a_clamped_cosine_in_spherical_harmonics() {
     let c = zonal(&Sh::new(9), 0.0, |z| z);
-    let known = [0.886_226_9, 1.023_326_7, 0.495_415_9, 0.0, -0.110_778_4, 0.0, 0.049_927_1, 0.0, -0.028_546_9];
+    let known = [
+        0.886_226_9,
+        1.023_326_7,
+        0.495_415_9,
+        0.0,
+        -0.110_778_4,
+        0.0,
+        0.049_927_1,
+        0.0,
+        -0.028_546_9,
+    ];
     let total = TAU / 3.0;
     let shares = [0.375, 0.875, 0.992_2, 0.992_2, 0.998_0];
     let mut sum = 0.0;
@@ -215,7 +240,11 @@ fn turns_between_frames() {
         let turn = Turn::between(&from, &to);
         let v = random_direction(&mut rng).as_vec3();
         let expected = to.to_local(from.to_world(v));
-        assert!((turn.apply(v) - expected).length() < 2e-5, "{turn:?} {} {expected}", turn.apply(v));
+        assert!(
+            (turn.apply(v) - expected).length() < 2e-5,
+            "{turn:?} {} {expected}",
+            turn.apply(v)
+        );
         assert!((turn.inverse().apply(expected) - v).length() < 2e-5);
     }
 }
@@ -234,12 +263,19 @@ fn spherical_harmonics_rotate_exactly() {
             for _ in 0..10 {
                 let w = random_direction(&mut rng).as_vec3();
                 let (a, b) = (value(&rotated, w), value(&c, turn.inverse().apply(w)));
-                assert!((a - b).abs() < 2e-5 * order as f32 * order as f32, "{order} {beta}: {a} {b}");
+                assert!(
+                    (a - b).abs() < 2e-5 * order as f32 * order as f32,
+                    "{order} {beta}: {a} {b}"
+                );
             }
             let mut back = rotated;
             rotation.rotate(&mut back, turn.inverse());
             let error: Vec<f32> = back.iter().zip(&c).map(|(a, b)| a - b).collect();
-            assert!(norm(&error) < 1e-5 * norm(&c) * order as f32, "{order} {beta}: {}", norm(&error));
+            assert!(
+                norm(&error) < 1e-5 * norm(&c) * order as f32,
+                "{order} {beta}: {}",
+                norm(&error)
+            );
             // Two rotations are one.
             let second = Turn { alpha: 0.2, beta: 0.7, gamma: 0.4 };
             let both = Frame {
@@ -274,7 +310,11 @@ fn small_tilts_err_by_less_than_a_thousandth() {
             rotation.rotate(&mut b, Turn { alpha: 0.0, beta: 1.0, gamma: 0.0 }.inverse());
             rotate_z(&mut b, 0.5);
             let error: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
-            assert!(norm(&error) < 1e-3 * norm(&c), "{order} {degrees}: {}", norm(&error) / norm(&c));
+            assert!(
+                norm(&error) < 1e-3 * norm(&c),
+                "{order} {degrees}: {}",
+                norm(&error) / norm(&c)
+            );
         }
     }
 }
@@ -292,7 +332,8 @@ fn tilting_a_constant_loses_what_sinks() {
 
 #[test]
 fn a_tilted_lobe_is_the_lobe_elsewhere() {
-    // A lobe about a direction high above both horizons loses nothing, and its projection onto order 10 is exact to its own truncation.
+    // A lobe about a direction high above both horizons loses nothing, and its projection onto
+    // order 10 is exact to its own truncation.
     let (hsh, tilt) = (Hsh::new(10), Tilt::new(10));
     let project = |axis: DVec3| {
         let mut c = vec![0f32; 100];
@@ -324,8 +365,13 @@ fn tilts_never_add_energy() {
             let c = random_coefficients(&mut rng, order * order);
             let mut tilted = c.clone();
             tilt.rotate(&mut tilted, Turn { alpha: 0.4, beta: degrees.to_radians(), gamma: 1.0 });
-            assert!(norm(&tilted) < 1.0001 * norm(&c), "order {order}, {degrees}: {}", norm(&tilted) / norm(&c));
-            // A function of a lower order is the same function in a table of a higher one, up to what is cut off.
+            assert!(
+                norm(&tilted) < 1.0001 * norm(&c),
+                "order {order}, {degrees}: {}",
+                norm(&tilted) / norm(&c)
+            );
+            // A function of a lower order is the same function in a table of a higher one, up to
+            // what is cut off.
             let half = (order / 2).max(1).pow(2);
             let (mut short, mut long) = (c[..half].to_vec(), c.clone());
             long[half..].fill(0.0);

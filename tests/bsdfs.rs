@@ -1,4 +1,5 @@
-//! What the statistical tests of the BSDFs share: a collection of surfaces, random numbers, quadrature over the sphere.
+//! What the statistical tests of the BSDFs share: a collection of surfaces, random numbers,
+//! quadrature over the sphere.
 
 use lumicache::geometry::SurfacePoint;
 use lumicache::material::{Bsdf, LafortuneLobe, Material, NativeBrdf};
@@ -31,7 +32,11 @@ impl Rng {
 
 /// The unit vector with polar angle `theta` from z and azimuth `phi`.
 pub fn direction(theta: f64, phi: f64) -> Vec3 {
-    Vec3::new((theta.sin() * phi.cos()) as f32, (theta.sin() * phi.sin()) as f32, theta.cos() as f32)
+    Vec3::new(
+        (theta.sin() * phi.cos()) as f32,
+        (theta.sin() * phi.sin()) as f32,
+        theta.cos() as f32,
+    )
 }
 
 /// A direction in the plane of azimuth `phi` (degrees) at `theta` degrees from the normal.
@@ -76,7 +81,12 @@ pub fn sheet(color: Color, roughness: f32) -> Material {
 
 /// One lobe of the Lafortune model.
 pub fn lafortune(c: [f32; 3], exponent: Color) -> LafortuneLobe {
-    LafortuneLobe { cx: Color::splat(c[0]), cy: Color::splat(c[1]), cz: Color::new(0.97, 1.0, 0.9) * c[2], exponent }
+    LafortuneLobe {
+        cx: Color::splat(c[0]),
+        cy: Color::splat(c[1]),
+        cz: Color::new(0.97, 1.0, 0.9) * c[2],
+        exponent,
+    }
 }
 
 /// Surfaces of every kind, with about the width of their sharpest lobe as an angle.
@@ -94,8 +104,16 @@ pub fn zoo() -> Vec<(&'static str, Bsdf, f64)> {
         ("plastic 0.7", of(plastic(red, 0.7)), 0.5),
         ("mirror over diffuse", of(plastic(red, 0.0)), 1.0),
         ("half metal", of(Material { metallic: 0.5, ..plastic(red, 0.4) }), 0.16),
-        ("tinted specular", of(Material { specular_color: red, specular: 0.7, ior: 1.8, ..plastic(red, 0.5) }), 0.25),
-        ("coated matte", of(Material { clearcoat: 0.8, clearcoat_roughness: 0.4, ..matte(red) }), 0.16),
+        (
+            "tinted specular",
+            of(Material { specular_color: red, specular: 0.7, ior: 1.8, ..plastic(red, 0.5) }),
+            0.25,
+        ),
+        (
+            "coated matte",
+            of(Material { clearcoat: 0.8, clearcoat_roughness: 0.4, ..matte(red) }),
+            0.16,
+        ),
         ("coated metal", of(Material { clearcoat: 1.0, ..metal(red, 0.5) }), 0.25),
         ("sheet 0.4", of(sheet(red, 0.4)), 0.16),
         ("half a sheet", of(Material { transmission: 0.5, ..sheet(red, 0.6) }), 0.36),
@@ -104,10 +122,26 @@ pub fn zoo() -> Vec<(&'static str, Bsdf, f64)> {
         ("glass 0.3 inside", behind(glass(1.5, 0.3)), 0.02),
         ("glass 0.9 inside", behind(glass(1.33, 0.9)), 0.1),
         ("half glass", of(Material { transmission: 0.5, base_color: red, ..glass(1.7, 0.5) }), 0.1),
-        ("coated glass", of(Material { clearcoat: 1.0, clearcoat_roughness: 0.6, ..glass(1.4, 0.5) }), 0.05),
-        ("smooth glass with rough coat", of(Material { clearcoat: 1.0, clearcoat_roughness: 0.6, ..glass(1.5, 0.0) }), 0.3),
-        ("phong 7", native(NativeBrdf::Phong { kd: red * 0.5, ks: Color::splat(0.4), exponent: 7.0 }), 0.4),
-        ("phong 300", native(NativeBrdf::Phong { kd: Color::ZERO, ks: red, exponent: 300.0 }), 0.05),
+        (
+            "coated glass",
+            of(Material { clearcoat: 1.0, clearcoat_roughness: 0.6, ..glass(1.4, 0.5) }),
+            0.05,
+        ),
+        (
+            "smooth glass with rough coat",
+            of(Material { clearcoat: 1.0, clearcoat_roughness: 0.6, ..glass(1.5, 0.0) }),
+            0.3,
+        ),
+        (
+            "phong 7",
+            native(NativeBrdf::Phong { kd: red * 0.5, ks: Color::splat(0.4), exponent: 7.0 }),
+            0.4,
+        ),
+        (
+            "phong 300",
+            native(NativeBrdf::Phong { kd: Color::ZERO, ks: red, exponent: 300.0 }),
+            0.05,
+        ),
         (
             "lafortune",
             native(NativeBrdf::Lafortune {
@@ -121,8 +155,21 @@ pub fn zoo() -> Vec<(&'static str, Bsdf, f64)> {
             }),
             0.15,
         ),
-        ("ward 0.15", native(NativeBrdf::WardDuer { kd: red * 0.5, ks: Color::splat(0.3), alpha_x: 0.15, alpha_y: 0.15 }), 0.1),
-        ("ward 0.1 x 0.5", native(NativeBrdf::WardDuer { kd: Color::ZERO, ks: red, alpha_x: 0.1, alpha_y: 0.5 }), 0.1),
+        (
+            "ward 0.15",
+            native(NativeBrdf::WardDuer {
+                kd: red * 0.5,
+                ks: Color::splat(0.3),
+                alpha_x: 0.15,
+                alpha_y: 0.15,
+            }),
+            0.1,
+        ),
+        (
+            "ward 0.1 x 0.5",
+            native(NativeBrdf::WardDuer { kd: Color::ZERO, ks: red, alpha_x: 0.1, alpha_y: 0.5 }),
+            0.1,
+        ),
     ]
 }
 
@@ -168,9 +215,15 @@ impl Chart {
 /// Four numbers integrated at once.
 pub type Values = [f64; 4];
 
-/// The integral of `g` over a cell `[t0, t1] x [s0, s1]` of the chart: 3 x 3 Gauss points, refined until four quarters agree within
-/// `tolerance` with the whole, at most `depth` times.
-pub fn integrate(chart: &Chart, cell: [f64; 4], tolerance: f64, depth: u32, g: &impl Fn(Vec3) -> Values) -> Values {
+/// The integral of `g` over a cell `[t0, t1] x [s0, s1]` of the chart: 3 x 3 Gauss points, refined
+/// until four quarters agree within `tolerance` with the whole, at most `depth` times.
+pub fn integrate(
+    chart: &Chart,
+    cell: [f64; 4],
+    tolerance: f64,
+    depth: u32,
+    g: &impl Fn(Vec3) -> Values,
+) -> Values {
     let whole = gauss(chart, cell, g);
     refine(chart, cell, whole, tolerance, depth, g)
 }
@@ -188,7 +241,8 @@ fn refine(
     let values = quarters.map(|q| gauss(chart, q, g));
     let sum = values.iter().fold([0.0; 4], |a, v| std::array::from_fn(|k| a[k] + v[k]));
     let agree = (0..4).all(|k| (sum[k] - whole[k]).abs() <= tolerance);
-    // Densities jump at the horizon and at the edge of their support, maybe between the points of both rules.
+    // Densities jump at the horizon and at the edge of their support, maybe between the points of
+    // both rules.
     let corners = [(t0, s0), (t0, s1), (t1, s0), (t1, s1)].map(|(t, s)| {
         let w = chart.direction(t, s).0;
         (w.z < 0.0, g(w)[0] > 0.0)

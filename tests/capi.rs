@@ -1,4 +1,5 @@
-//! The C library, called as C calls it: misuse, agreement with the Rust API, hosts that fail, files, threads.
+//! The C library, called as C calls it: misuse, agreement with the Rust API, hosts that fail,
+//! files, threads.
 
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, LevelPoints, Preset};
@@ -37,7 +38,10 @@ fn ok(code: i32) {
 fn fails(code: i32, wanted: i32, word: &str) {
     let (told, message) = last();
     assert_eq!((code, told), (wanted, wanted), "{message}");
-    assert!(message.starts_with("lumi_") && message.contains(word), "{message} does not say {word}");
+    assert!(
+        message.starts_with("lumi_") && message.contains(word),
+        "{message} does not say {word}"
+    );
 }
 
 fn text(s: &str) -> CString {
@@ -84,7 +88,11 @@ fn empty_scene(device: &Device) -> SceneHandle {
 }
 
 fn own(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.gltf")).to_str().unwrap().to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("scenes/{name}.gltf"))
+        .to_str()
+        .unwrap()
+        .to_owned()
 }
 
 fn loaded(device: &Device, name: &str) -> SceneHandle {
@@ -120,7 +128,8 @@ fn seen(scene: &SceneHandle, count: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
             [r * phi.cos(), r * phi.sin(), z]
         })
         .collect();
-    let (mut position, mut normal, mut distance) = (vec![[0.0; 3]; count], vec![[0.0; 3]; count], vec![0.0; count]);
+    let (mut position, mut normal, mut distance) =
+        (vec![[0.0; 3]; count], vec![[0.0; 3]; count], vec![0.0; count]);
     let desc = lumi_trace_desc {
         n: count,
         origin: origins.as_ptr().cast(),
@@ -136,7 +145,12 @@ fn seen(scene: &SceneHandle, count: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
 }
 
 fn query_of(points: &(Vec<[f32; 3]>, Vec<[f32; 3]>)) -> lumi_query {
-    lumi_query { n: points.0.len(), position: points.0.as_ptr().cast(), normal: points.1.as_ptr().cast(), ..sized() }
+    lumi_query {
+        n: points.0.len(),
+        position: points.0.as_ptr().cast(),
+        normal: points.1.as_ptr().cast(),
+        ..sized()
+    }
 }
 
 struct Answers {
@@ -147,7 +161,8 @@ struct Answers {
 
 fn ask(cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>), flags: u32) -> Answers {
     let n = points.0.len();
-    let mut a = Answers { irradiance: vec![[-1.0; 3]; n], error: vec![-1.0; n], status: vec![99; n] };
+    let mut a =
+        Answers { irradiance: vec![[-1.0; 3]; n], error: vec![-1.0; n], status: vec![99; n] };
     let query = lumi_query {
         flags,
         irradiance: a.irradiance.as_mut_ptr().cast(),
@@ -200,7 +215,10 @@ fn answers_equal_those_of_the_rust_api() {
         .unwrap();
     pool.install(|| {
         let first = LevelPoints::scattered(surfaces.clone(), seed);
-        let second = LevelPoints { points: tracer.next_points(&first.points, 500, hash(&[seed, 2, 1])), round: 0 };
+        let second = LevelPoints {
+            points: tracer.next_points(&first.points, 500, hash(&[seed, 2, 1])),
+            round: 0,
+        };
         let probe = SceneProbe::new(tracer);
         expected.fill(&probe, 1, &second, seed, &Progress::default()).unwrap();
         expected.fill(&probe, 0, &first, seed, &Progress::default()).unwrap();
@@ -215,12 +233,15 @@ fn answers_equal_those_of_the_rust_api() {
         let answers = ask(c.0, &points, 0);
         let wanted: Vec<_> = surfaces.iter().map(|p| expected.lookup(0, p, u32::MAX)).collect();
         assert!(wanted.iter().filter(|a| a.is_some()).count() > 2500);
-        let e: Vec<[f32; 3]> = wanted.iter().map(|a| a.map_or([0.0; 3], |a| a.irradiance.to_array())).collect();
+        let e: Vec<[f32; 3]> =
+            wanted.iter().map(|a| a.map_or([0.0; 3], |a| a.irradiance.to_array())).collect();
         assert!(bits(&answers.irradiance) == bits(&e), "{threads} threads");
         let error: Vec<u32> = wanted.iter().map(|a| a.map_or(0.0, |a| a.error).to_bits()).collect();
         assert!(answers.error.iter().map(|x| x.to_bits()).eq(error));
-        let status: Vec<u8> =
-            wanted.iter().map(|a| if a.is_some() { LUMI_POINT_INTERPOLATED } else { LUMI_POINT_MISSING }).collect();
+        let status: Vec<u8> = wanted
+            .iter()
+            .map(|a| if a.is_some() { LUMI_POINT_INTERPOLATED } else { LUMI_POINT_MISSING })
+            .collect();
         assert_eq!(answers.status, status);
         assert_eq!(stats(c.0).records, expected.record_count() as u64);
     }
@@ -234,16 +255,21 @@ fn a_fill_from_many_threads_covers_what_was_asked_and_readers_go_on() {
     set(c.0, "levels", 1);
     let points = seen(&s, 2000);
     let half = points.0.len() / 2;
-    let parts = [0..half, half..points.0.len()].map(|r| (points.0[r.clone()].to_vec(), points.1[r].to_vec()));
+    let parts = [0..half, half..points.0.len()]
+        .map(|r| (points.0[r.clone()].to_vec(), points.1[r].to_vec()));
     let handle = c.0.addr();
     std::thread::scope(|scope| {
         for part in &parts {
             scope.spawn(move || {
                 let a = ask(std::ptr::without_provenance_mut(handle), part, LUMI_QUERY_FILL);
                 let missing = a.status.iter().filter(|s| **s == LUMI_POINT_MISSING).count();
-                assert!(missing * 100 < part.0.len(), "{missing} points are missing after the fill");
                 assert!(
-                    a.status.contains(&LUMI_POINT_COMPUTED) && a.irradiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0)
+                    missing * 100 < part.0.len(),
+                    "{missing} points are missing after the fill"
+                );
+                assert!(
+                    a.status.contains(&LUMI_POINT_COMPUTED)
+                        && a.irradiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0)
                 );
             });
         }
@@ -260,7 +286,11 @@ fn a_fill_from_many_threads_covers_what_was_asked_and_readers_go_on() {
     assert_eq!(stats(c.0).records, before.records);
     let far = (vec![[100.0, 0.0, 0.0]], vec![[1.0, 0.0, 0.0]]);
     let query = lumi_query { flags: LUMI_QUERY_FILL, ..query_of(&far) };
-    fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "frozen");
+    fails(
+        unsafe { lumi_cache_query(c.0, &raw const query) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "frozen",
+    );
     ok(unsafe { lumi_cache_clear(c.0) });
     assert_eq!((stats(c.0).records, stats(c.0).frozen), (0, 0));
 }
@@ -279,7 +309,10 @@ fn files_go_round_and_tell_stale_from_corrupt() {
 
     let again = cache(&s);
     ok(unsafe { lumi_cache_load(again.0, at("a.lumi").as_ptr(), 0) });
-    assert!(bits(&ask(again.0, &points, 0).irradiance) == bits(&wanted.irradiance), "the file changed a record");
+    assert!(
+        bits(&ask(again.0, &points, 0).irradiance) == bits(&wanted.irradiance),
+        "the file changed a record"
+    );
     ok(unsafe { lumi_cache_save(again.0, at("b.lumi").as_ptr()) });
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("a.lumi") == bytes("b.lumi"));
@@ -291,25 +324,43 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     ok(build(other.0, &(points.0[..300].to_vec(), points.1[..300].to_vec())));
     let before = stats(other.0).records;
     ok(unsafe { lumi_cache_merge(other.0, c.0, 0) });
-    assert!(stats(other.0).records > before && stats(other.0).records <= before + stats(c.0).records);
+    assert!(
+        stats(other.0).records > before && stats(other.0).records <= before + stats(c.0).records
+    );
 
     // Another scene, other settings: stale, unless reuse is wanted.
     let elsewhere = loaded(&d, "cornell-box");
     let foreign = cache(&elsewhere);
-    fails(unsafe { lumi_cache_load(foreign.0, at("a.lumi").as_ptr(), 0) }, LUMI_ERROR_STALE_CACHE, "geometry");
+    fails(
+        unsafe { lumi_cache_load(foreign.0, at("a.lumi").as_ptr(), 0) },
+        LUMI_ERROR_STALE_CACHE,
+        "geometry",
+    );
     fails(unsafe { lumi_cache_merge(foreign.0, c.0, 0) }, LUMI_ERROR_STALE_CACHE, "another scene");
     let finer = cache(&s);
     set(finer.0, "rays", 128);
-    fails(unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), 0) }, LUMI_ERROR_STALE_CACHE, "rays 64, not 128");
+    fails(
+        unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), 0) },
+        LUMI_ERROR_STALE_CACHE,
+        "rays 64, not 128",
+    );
     ok(unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), LUMI_REUSE) });
     assert_eq!(stats(finer.0).records, stats(c.0).records);
-    fails(unsafe { lumi_cache_set_i32(finer.0, c"rays".as_ptr(), 64) }, LUMI_ERROR_INVALID_OPERATION, "clear it");
+    fails(
+        unsafe { lumi_cache_set_i32(finer.0, c"rays".as_ptr(), 64) },
+        LUMI_ERROR_INVALID_OPERATION,
+        "clear it",
+    );
 
     // Every damaged byte and every cut is found out, and the cache that was to be replaced is kept.
     let whole = bytes("a.lumi");
     let damaged = |bytes: &[u8]| {
         std::fs::write(folder.path().join("c.lumi"), bytes).unwrap();
-        fails(unsafe { lumi_cache_load(again.0, at("c.lumi").as_ptr(), 0) }, LUMI_ERROR_CORRUPT_FILE, "c.lumi");
+        fails(
+            unsafe { lumi_cache_load(again.0, at("c.lumi").as_ptr(), 0) },
+            LUMI_ERROR_CORRUPT_FILE,
+            "c.lumi",
+        );
     };
     for k in 0..60 {
         let i = (hash(&[k]) % whole.len() as u64) as usize;
@@ -325,12 +376,25 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     let mut later = whole.clone();
     later[8] = 99;
     std::fs::write(folder.path().join("c.lumi"), &later).unwrap();
-    fails(unsafe { lumi_cache_load(again.0, at("c.lumi").as_ptr(), 0) }, LUMI_ERROR_UNSUPPORTED, "later lumicache");
-    fails(unsafe { lumi_cache_load(again.0, at("none.lumi").as_ptr(), 0) }, LUMI_ERROR_IO, "none.lumi");
-    fails(unsafe { lumi_cache_save(again.0, at("no/where.lumi").as_ptr()) }, LUMI_ERROR_IO, "where.lumi");
+    fails(
+        unsafe { lumi_cache_load(again.0, at("c.lumi").as_ptr(), 0) },
+        LUMI_ERROR_UNSUPPORTED,
+        "later lumicache",
+    );
+    fails(
+        unsafe { lumi_cache_load(again.0, at("none.lumi").as_ptr(), 0) },
+        LUMI_ERROR_IO,
+        "none.lumi",
+    );
+    fails(
+        unsafe { lumi_cache_save(again.0, at("no/where.lumi").as_ptr()) },
+        LUMI_ERROR_IO,
+        "where.lumi",
+    );
     assert_eq!(stats(again.0).records, stats(c.0).records);
-    let litter =
-        std::fs::read_dir(folder.path()).unwrap().filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
+    let litter = std::fs::read_dir(folder.path())
+        .unwrap()
+        .filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
     assert_eq!(litter.count(), 0);
 }
 
@@ -354,9 +418,16 @@ fn records_with_direct_light_go_round() {
     ok(unsafe { lumi_cache_save(both.0, file.as_ptr()) });
     let again = with("direct-and-indirect");
     ok(unsafe { lumi_cache_load(again.0, file.as_ptr(), 0) });
-    assert!(bits(&ask(again.0, &points, 0).irradiance) == bits(&wanted), "the file changed a record");
+    assert!(
+        bits(&ask(again.0, &points, 0).irradiance) == bits(&wanted),
+        "the file changed a record"
+    );
     let alone = with("indirect");
-    fails(unsafe { lumi_cache_load(alone.0, file.as_ptr(), 0) }, LUMI_ERROR_STALE_CACHE, "contents");
+    fails(
+        unsafe { lumi_cache_load(alone.0, file.as_ptr(), 0) },
+        LUMI_ERROR_STALE_CACHE,
+        "contents",
+    );
     ok(build(alone.0, &points));
     let sum = |e: &[[f32; 3]]| e.iter().flatten().sum::<f32>();
     let indirect = sum(&ask(alone.0, &points, 0).irradiance);
@@ -366,18 +437,34 @@ fn records_with_direct_light_go_round() {
 
 #[test]
 fn a_described_scene_is_that_of_the_file() {
-    // The same box once by arrays with strides and materials per triangle, once mesh by mesh and shared.
+    // The same box once by arrays with strides and materials per triangle, once mesh by mesh and
+    // shared.
     let d = device("");
-    let corners: Vec<[f32; 5]> = (0..8).map(|i| [(i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32, 9.0, 9.0]).collect();
-    let sides: [[u32; 6]; 6] =
-        [[0, 4, 6, 0, 6, 2], [1, 3, 7, 1, 7, 5], [0, 1, 5, 0, 5, 4], [2, 6, 7, 2, 7, 3], [0, 2, 3, 0, 3, 1], [4, 5, 7, 4, 7, 6]];
-    let view = |data: *const c_void, count, stride, format, flags| lumi_view { data, count, stride, format, flags };
+    let corners: Vec<[f32; 5]> = (0..8)
+        .map(|i| [(i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32, 9.0, 9.0])
+        .collect();
+    let sides: [[u32; 6]; 6] = [
+        [0, 4, 6, 0, 6, 2],
+        [1, 3, 7, 1, 7, 5],
+        [0, 1, 5, 0, 5, 4],
+        [2, 6, 7, 2, 7, 3],
+        [0, 2, 3, 0, 3, 1],
+        [4, 5, 7, 4, 7, 6],
+    ];
+    let view = |data: *const c_void, count, stride, format, flags| lumi_view {
+        data,
+        count,
+        stride,
+        format,
+        flags,
+    };
     let positions = view(corners.as_ptr().cast(), 8, 20, LUMI_FORMAT_F32X3, 0);
     let materials = |scene: &SceneHandle| {
         for (albedo, emission) in [(0.5, 0.0), (0.0, 5.0)] {
             let mut m: lumi_material_desc = sized();
             ok(unsafe { lumi_material_init(&raw mut m) });
-            (m.base_color, m.emission, m.specular, m.flags) = ([albedo; 3], [emission; 3], 0.0, LUMI_MATERIAL_DOUBLE_SIDED);
+            (m.base_color, m.emission, m.specular, m.flags) =
+                ([albedo; 3], [emission; 3], 0.0, LUMI_MATERIAL_DOUBLE_SIDED);
             ok(unsafe { lumi_scene_add_material(scene.0, &raw const m, null_mut()) });
         }
     };
@@ -405,7 +492,8 @@ fn a_described_scene_is_that_of_the_file() {
         let indices = view(side.as_ptr().cast(), 2, 0, LUMI_FORMAT_U32X3, LUMI_VIEW_SHARED);
         let mesh = lumi_mesh_desc { positions, indices, material: u32::from(k == 3), ..sized() };
         ok(unsafe { lumi_scene_add_mesh(parts.0, &raw const mesh, &raw mut id) });
-        // Moved there and back by the placement of a mesh that stands elsewhere: the identity, spelled out.
+        // Moved there and back by the placement of a mesh that stands elsewhere: the identity,
+        // spelled out.
         let unit = [1.0_f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
         ok(unsafe { lumi_scene_add_instance(parts.0, id, unit.as_ptr()) });
     }
@@ -424,15 +512,27 @@ fn a_described_scene_is_that_of_the_file() {
         counts.push(a.irradiance.iter().map(|e| e[0]).sum::<f32>() / 500.0);
     }
     // Direct irradiance over the box is about 5 pi/6 off the lamp; what bounces is of that order.
-    assert!((counts[0] / counts[1] - 1.0).abs() < 0.05 && counts[0] > 0.5 && counts[0] < 5.0, "{counts:?}");
+    assert!(
+        (counts[0] / counts[1] - 1.0).abs() < 0.05 && counts[0] > 0.5 && counts[0] < 5.0,
+        "{counts:?}"
+    );
 }
 
 /// A picture of one of our scenes as its camera sees it.
 fn picture(name: &str, [width, height]: [u32; 2], samples: u32) -> lumi_render_desc {
     let data = lumicache::import::gltf(Path::new(&own(name)), &Default::default()).unwrap();
     let camera = &data.cameras[0];
-    let lumicache::camera::Projection::Perspective { yfov } = camera.projection else { panic!("an orthographic camera") };
-    lumi_render_desc { width, height, samples, camera: camera.to_world.to_cols_array(), yfov, ..sized() }
+    let lumicache::camera::Projection::Perspective { yfov } = camera.projection else {
+        panic!("an orthographic camera")
+    };
+    lumi_render_desc {
+        width,
+        height,
+        samples,
+        camera: camera.to_world.to_cols_array(),
+        yfov,
+        ..sized()
+    }
 }
 
 #[test]
@@ -443,17 +543,33 @@ fn pictures_and_glossy_light() {
     let (w, h) = (48_usize, 32_usize);
     let mut beauty = vec![-1.0_f32; 4 * w * h];
     let mut parts = vec![vec![-1.0_f32; 3 * w * h]; 5];
-    let names = ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"].map(text);
-    let mut layers = vec![lumi_layer { name: c"".as_ptr(), data: beauty.as_mut_ptr(), channels: 4, reserved: 0 }];
+    let names =
+        ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"]
+            .map(text);
+    let mut layers = vec![lumi_layer {
+        name: c"".as_ptr(),
+        data: beauty.as_mut_ptr(),
+        channels: 4,
+        reserved: 0,
+    }];
     for (name, data) in names.iter().zip(&mut parts) {
-        layers.push(lumi_layer { name: name.as_ptr(), data: data.as_mut_ptr(), channels: 3, reserved: 0 });
+        layers.push(lumi_layer {
+            name: name.as_ptr(),
+            data: data.as_mut_ptr(),
+            channels: 3,
+            reserved: 0,
+        });
     }
     let desc = picture("glossy-still-life", [w as u32, h as u32], 2);
     ok(unsafe { lumi_cache_render(c.0, &raw const desc, layers.as_ptr(), layers.len()) });
     for p in 0..w * h {
         for k in 0..3 {
             let sum: f32 = parts.iter().map(|l| l[3 * p + k]).sum();
-            assert!((beauty[4 * p + k] - sum).abs() <= 1e-4 * sum.max(1.0), "pixel {p}: {} is not {sum}", beauty[4 * p + k]);
+            assert!(
+                (beauty[4 * p + k] - sum).abs() <= 1e-4 * sum.max(1.0),
+                "pixel {p}: {} is not {sum}",
+                beauty[4 * p + k]
+            );
         }
     }
     let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
@@ -468,7 +584,10 @@ fn pictures_and_glossy_light() {
         ..query_of(&points)
     };
     ok(unsafe { lumi_cache_query(c.0, &raw const query) });
-    assert!(radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0) && radiance.iter().any(|r| r[0] > 0.0));
+    assert!(
+        radiance.iter().flatten().all(|x| x.is_finite() && *x >= 0.0)
+            && radiance.iter().any(|r| r[0] > 0.0)
+    );
     let query = lumi_query { wo: null(), ..query };
     fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "wo");
 }
@@ -486,13 +605,22 @@ fn records_can_be_listed() {
     let mut first = 0;
     while first < n {
         let mut got = 0;
-        ok(unsafe { lumi_cache_get_records(c.0, first, 7, all.as_mut_ptr().add(first), &raw mut got) });
+        ok(unsafe {
+            lumi_cache_get_records(c.0, first, 7, all.as_mut_ptr().add(first), &raw mut got)
+        });
         assert!((1..=7).contains(&got));
         first += got;
     }
     unsafe { all.set_len(n) };
-    assert!(all.iter().all(|r| r.radius > 0.0 && r.irradiance.iter().all(|e| *e >= 0.0)) && all.is_sorted_by_key(|r| r.level));
-    assert!(all[n - 1].level == 1 && stats(c.0).max_radius >= stats(c.0).mean_radius && stats(c.0).mean_radius > 0.0);
+    assert!(
+        all.iter().all(|r| r.radius > 0.0 && r.irradiance.iter().all(|e| *e >= 0.0))
+            && all.is_sorted_by_key(|r| r.level)
+    );
+    assert!(
+        all[n - 1].level == 1
+            && stats(c.0).max_radius >= stats(c.0).mean_radius
+            && stats(c.0).mean_radius > 0.0
+    );
 }
 
 unsafe extern "C" fn watch(user: *mut c_void, fraction: f64, phase: *const c_char) -> i32 {
@@ -517,7 +645,11 @@ fn a_build_can_be_cancelled() {
 
 unsafe extern "C" fn listen(user: *mut c_void, severity: i32, code: i32, message: *const c_char) {
     let heard = unsafe { &*user.cast::<std::sync::Mutex<Vec<(i32, i32, String)>>>() };
-    heard.lock().unwrap().push((severity, code, unsafe { CStr::from_ptr(message) }.to_str().unwrap().to_owned()));
+    heard.lock().unwrap().push((
+        severity,
+        code,
+        unsafe { CStr::from_ptr(message) }.to_str().unwrap().to_owned(),
+    ));
 }
 
 #[test]
@@ -531,5 +663,9 @@ fn the_log_hears_warnings_and_failures() {
     fails(unsafe { lumi_scene_commit(s.0) }, LUMI_ERROR_INVALID_OPERATION, "already");
     let heard = heard.lock().unwrap();
     assert!(heard[0].0 == LUMI_LOG_WARNING && heard[0].2.contains("dome"), "{heard:?}");
-    assert!((heard[1].0, heard[1].1) == (LUMI_LOG_ERROR, LUMI_ERROR_INVALID_OPERATION) && heard.len() == 2, "{heard:?}");
+    assert!(
+        (heard[1].0, heard[1].1) == (LUMI_LOG_ERROR, LUMI_ERROR_INVALID_OPERATION)
+            && heard.len() == 2,
+        "{heard:?}"
+    );
 }

@@ -38,11 +38,23 @@ fn check_promises(scene: &SceneData, file: &Path) {
     let at = file.display();
     for mesh in &scene.geometry.meshes {
         let count = mesh.positions.len();
-        assert!(!mesh.indices.is_empty() && mesh.positions.iter().all(|p| p.is_finite()), "{at}: {}", mesh.name);
-        assert!(mesh.indices.as_flattened().iter().all(|i| (*i as usize) < count), "{at}: {}", mesh.name);
+        assert!(
+            !mesh.indices.is_empty() && mesh.positions.iter().all(|p| p.is_finite()),
+            "{at}: {}",
+            mesh.name
+        );
+        assert!(
+            mesh.indices.as_flattened().iter().all(|i| (*i as usize) < count),
+            "{at}: {}",
+            mesh.name
+        );
         assert!((mesh.material as usize) < scene.materials.len(), "{at}: {}", mesh.name);
         if let Some(normals) = &mesh.normals {
-            assert!(normals.len() == count && normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5), "{at}: {}", mesh.name);
+            assert!(
+                normals.len() == count && normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5),
+                "{at}: {}",
+                mesh.name
+            );
         }
         if let Some(tangents) = &mesh.tangents {
             let sound = |t: &Vec4| (t.truncate().length() - 1.0).abs() < 1e-5 && t.w.abs() == 1.0;
@@ -53,18 +65,30 @@ fn check_promises(scene: &SceneData, file: &Path) {
     }
     for instance in &scene.geometry.instances {
         assert!((instance.mesh as usize) < scene.geometry.meshes.len(), "{at}");
-        assert!(instance.to_world.is_finite() && instance.to_world.matrix3.determinant() != 0.0, "{at}");
+        assert!(
+            instance.to_world.is_finite() && instance.to_world.matrix3.determinant() != 0.0,
+            "{at}"
+        );
     }
     for material in &scene.materials {
-        let textures = [&material.base_color_texture, &material.normal_texture, &material.metallic_roughness_texture];
-        assert!(textures.into_iter().flatten().all(|t| (t.texture as usize) < scene.textures.len()), "{at}");
+        let textures = [
+            &material.base_color_texture,
+            &material.normal_texture,
+            &material.metallic_roughness_texture,
+        ];
+        assert!(
+            textures.into_iter().flatten().all(|t| (t.texture as usize) < scene.textures.len()),
+            "{at}"
+        );
     }
 }
 
 /// World-space triangles.
 fn triangles(geometry: &Geometry) -> Vec<[Vec3; 3]> {
     let of_instance = |i: usize| geometry.meshes[geometry.instances[i].mesh as usize].indices.len();
-    (0..geometry.instances.len()).flat_map(|i| (0..of_instance(i)).map(move |t| geometry.triangle(i as u32, t as u32))).collect()
+    (0..geometry.instances.len())
+        .flat_map(|i| (0..of_instance(i)).map(move |t| geometry.triangle(i as u32, t as u32)))
+        .collect()
 }
 
 fn load(path: &Path) -> SceneData {
@@ -150,9 +174,11 @@ fn twins_of_the_box_are_the_same_box() {
         let scene = load(&folder.join(twin));
         let triangles = triangles(&scene.geometry);
         assert_eq!(triangles.len(), 12, "{twin}");
-        let on_a_corner = |v: &Vec3| (v.abs() - Vec3::splat(0.5)).abs().max_element() <= tolerance + 1e-6;
+        let on_a_corner =
+            |v: &Vec3| (v.abs() - Vec3::splat(0.5)).abs().max_element() <= tolerance + 1e-6;
         assert!(triangles.as_flattened().iter().all(on_a_corner), "{twin}");
-        // The front faces look outwards and enclose the unit cube; in one file of the corpus they look inwards.
+        // The front faces look outwards and enclose the unit cube; in one file of the corpus they
+        // look inwards.
         let sign = if twin.contains("sparse") { -1.0 } else { 1.0 };
         let volume: f32 = triangles.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum();
         assert!((volume - sign).abs() < 1e-3, "{twin}: {volume}");
@@ -171,11 +197,15 @@ fn twins_of_the_box_are_the_same_box() {
 fn primitive_modes_instances_and_skins_have_the_expected_numbers() {
     let Some(folder) = testdata::find("scenes/conformance") else { return };
     for mode in 0..16 {
-        let scene =
-            load(&folder.join(format!("assimp/glTF-Asset-Generator/Mesh_PrimitiveMode/Mesh_PrimitiveMode_{mode:02}.gltf")));
+        let scene = load(&folder.join(format!(
+            "assimp/glTF-Asset-Generator/Mesh_PrimitiveMode/Mesh_PrimitiveMode_{mode:02}.gltf"
+        )));
         let made = scene.geometry.triangle_count();
         assert_eq!(made, if mode % 7 < 4 && mode < 11 { 0 } else { 2 }, "mode {mode}");
-        assert!(triangles(&scene.geometry).iter().all(|[a, b, c]| (*b - *a).cross(*c - *a).z > 0.0), "mode {mode}");
+        assert!(
+            triangles(&scene.geometry).iter().all(|[a, b, c]| (*b - *a).cross(*c - *a).z > 0.0),
+            "mode {mode}"
+        );
     }
     let instancing = load(&folder.join("playcanvas/simple-instancing.glb"));
     assert_eq!((instancing.geometry.meshes.len(), instancing.geometry.instances.len()), (1, 125));
@@ -184,26 +214,37 @@ fn primitive_modes_instances_and_skins_have_the_expected_numbers() {
     // The skin's second joint turns by no angle in the rest pose: the strip stands upright.
     let skin = load(&folder.join("assimp/simple_skin/simple_skin.gltf"));
     let bounds = skin.geometry.bounds();
-    assert!((bounds.min - Vec3::new(-0.5, 0.0, 0.0)).length() < 1e-5 && (bounds.max - Vec3::new(0.5, 2.0, 0.0)).length() < 1e-5);
+    assert!(
+        (bounds.min - Vec3::new(-0.5, 0.0, 0.0)).length() < 1e-5
+            && (bounds.max - Vec3::new(0.5, 2.0, 0.0)).length() < 1e-5
+    );
 }
 
 #[test]
 fn cameras_and_lights_of_files_have_the_expected_numbers() {
     let Some(folder) = testdata::find("scenes/conformance") else { return };
     let scene = load(&folder.join("playcanvas/geometry-camera-light.glb"));
-    let [persp, ortho] = scene.cameras.as_slice() else { panic!("{} cameras", scene.cameras.len()) };
+    let [persp, ortho] = scene.cameras.as_slice() else {
+        panic!("{} cameras", scene.cameras.len())
+    };
     assert_eq!((persp.name.as_str(), ortho.name.as_str()), ("Persp", "Ortho"));
-    let Projection::Perspective { yfov } = persp.projection else { panic!("{:?}", persp.projection) };
+    let Projection::Perspective { yfov } = persp.projection else {
+        panic!("{:?}", persp.projection)
+    };
     assert!((yfov - 0.399_596_5).abs() < 1e-6);
     assert_eq!(ortho.projection, Projection::Orthographic { xmag: 13.5, ymag: 13.5 });
     assert!((persp.aspect.unwrap() - 16.0 / 9.0).abs() < 1e-6);
     let at = Vec3::from(persp.to_world.translation);
     assert!((at - Vec3::new(4.559_937_5, -7.584_074, 4.958_309)).length() < 1e-6);
-    let [PunctualLight::Point { position, .. }, PunctualLight::Spot { cos_outer, intensity, .. }] = scene.punctual[..] else {
+    let [PunctualLight::Point { position, .. }, PunctualLight::Spot { cos_outer, intensity, .. }] =
+        scene.punctual[..]
+    else {
         panic!("{:?}", scene.punctual)
     };
     assert!((position - Vec3::new(4.076_245, 1.005_454, 5.903_862)).length() < 1e-6);
-    assert!((cos_outer - 0.654_498_46f32.cos()).abs() < 1e-6 && (intensity.x - 1000.0).abs() < 1e-3);
+    assert!(
+        (cos_outer - 0.654_498_46f32.cos()).abs() < 1e-6 && (intensity.x - 1000.0).abs() < 1e-3
+    );
 }
 
 #[test]
@@ -217,11 +258,24 @@ fn quantized_and_normalized_attributes() {
         json!({"normalized": true}),
         Some(8),
     );
-    let normal =
-        file.accessor(&[0, 0, 127, 0, 0, 0, 127, 0, 0, 0, 127, 0], 5120, "VEC3", 3, json!({"normalized": true}), Some(4));
-    let color =
-        file.accessor(&[255, 0, 51, 0, 255, 0, 51, 0, 255, 0, 51, 0], 5121, "VEC3", 3, json!({"normalized": true}), Some(4));
-    let uv = file.accessor(&[1, 2, 0, 0, 3, 4, 0, 0, 5, 6, 0, 0], 5121, "VEC2", 3, json!({}), Some(4));
+    let normal = file.accessor(
+        &[0, 0, 127, 0, 0, 0, 127, 0, 0, 0, 127, 0],
+        5120,
+        "VEC3",
+        3,
+        json!({"normalized": true}),
+        Some(4),
+    );
+    let color = file.accessor(
+        &[255, 0, 51, 0, 255, 0, 51, 0, 255, 0, 51, 0],
+        5121,
+        "VEC3",
+        3,
+        json!({"normalized": true}),
+        Some(4),
+    );
+    let uv =
+        file.accessor(&[1, 2, 0, 0, 3, 4, 0, 0, 5, 6, 0, 0], 5121, "VEC2", 3, json!({}), Some(4));
     file.show(json!({"attributes": {"POSITION": position, "NORMAL": normal, "COLOR_0": color, "TEXCOORD_1": uv}}));
     let scene = file.load();
     let mesh = &scene.geometry.meshes[0];
@@ -238,7 +292,10 @@ fn sparse_accessors_with_and_without_a_view() {
     let places = file.view(&shorts(&[1, 2]), None);
     let values = file.view(&floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]), None);
     let sparse = json!({"count": 2, "indices": {"bufferView": places, "componentType": 5123}, "values": {"bufferView": values}});
-    let bare = file.add("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 3, "sparse": sparse}));
+    let bare = file.add(
+        "accessors",
+        json!({"componentType": 5126, "type": "VEC3", "count": 3, "sparse": sparse}),
+    );
     let base = file.view(&floats(&[0.0; 9]), None);
     let over =
         file.add("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 3, "bufferView": base, "sparse": sparse}));
@@ -257,7 +314,8 @@ fn transforms_mirrors_and_shared_meshes() {
     let mesh = triangle(&mut file);
     let trs =
         file.node(json!({"mesh": mesh, "translation": [1, 2, 3], "rotation": [0, 0, SQRT_HALF, SQRT_HALF], "scale": [2, 2, 2]}));
-    let matrix = file.node(json!({"mesh": mesh, "matrix": [0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 1, 2, 3, 1]}));
+    let matrix = file
+        .node(json!({"mesh": mesh, "matrix": [0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 1, 2, 3, 1]}));
     let child = file.node(json!({"mesh": mesh, "translation": [0, 0, 1]}));
     let mirror = file.node(json!({"scale": [-1, 1, 1], "children": [child]}));
     let flat = file.node(json!({"mesh": mesh, "scale": [1, 0, 1]}));
@@ -267,8 +325,13 @@ fn transforms_mirrors_and_shared_meshes() {
     assert!(scene.warnings.iter().any(|w| w.contains("singular")), "{:?}", scene.warnings);
     let corners = |i| scene.geometry.triangle(i, 0);
     for i in [0, 1] {
-        let wanted = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 4.0, 3.0), Vec3::new(-1.0, 2.0, 3.0)];
-        assert!(corners(i).iter().zip(wanted).all(|(a, b)| (*a - b).length() < 1e-6), "{:?}", corners(i));
+        let wanted =
+            [Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 4.0, 3.0), Vec3::new(-1.0, 2.0, 3.0)];
+        assert!(
+            corners(i).iter().zip(wanted).all(|(a, b)| (*a - b).length() < 1e-6),
+            "{:?}",
+            corners(i)
+        );
     }
     // The front face of a mirrored mesh stays in front.
     let [a, b, c] = corners(2);
@@ -298,9 +361,16 @@ fn morph_targets_have_their_default_weights() {
 fn skins_follow_their_joints_and_not_their_node() {
     let mut file = Gltf::new();
     let position = file.positions(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
-    let joints = file.accessor(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3, json!({}), None);
-    let weights =
-        file.accessor(&floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0]), 5126, "VEC4", 3, json!({}), None);
+    let joints =
+        file.accessor(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], 5121, "VEC4", 3, json!({}), None);
+    let weights = file.accessor(
+        &floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0]),
+        5126,
+        "VEC4",
+        3,
+        json!({}),
+        None,
+    );
     let shift = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0];
     let bind = file.accessor(&floats(&[shift, shift].concat()), 5126, "MAT4", 2, json!({}), None);
     let mesh = file
@@ -311,7 +381,10 @@ fn skins_follow_their_joints_and_not_their_node() {
     let skinned = file.node(json!({"mesh": mesh, "skin": 0, "translation": [100, 100, 100]}));
     file.scene(&[a, b, skinned]);
     let corners = file.load().geometry.triangle(0, 0);
-    assert_eq!(corners, [Vec3::new(0.0, 0.0, 1.0), Vec3::new(11.0, 0.0, 1.0), Vec3::new(5.0, 1.0, 1.0)]);
+    assert_eq!(
+        corners,
+        [Vec3::new(0.0, 0.0, 1.0), Vec3::new(11.0, 0.0, 1.0), Vec3::new(5.0, 1.0, 1.0)]
+    );
 }
 
 #[test]
@@ -342,22 +415,42 @@ fn materials_and_their_extensions() {
             "extras": {"lumicache": {"brdf": "phong", "kd": 0.5, "exponent": 3}},
         }),
     );
-    file.add("materials", json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}}));
+    file.add(
+        "materials",
+        json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}}),
+    );
     let scene = file.load();
     let m = &scene.materials[0];
-    assert_eq!((m.name.as_str(), m.base_color, m.base_alpha), ("all", Color::new(0.1, 0.2, 0.3), 0.4));
-    assert_eq!((m.metallic, m.roughness, m.normal_scale, m.double_sided, m.unlit), (0.5, 0.25, 0.5, true, true));
+    assert_eq!(
+        (m.name.as_str(), m.base_color, m.base_alpha),
+        ("all", Color::new(0.1, 0.2, 0.3), 0.4)
+    );
+    assert_eq!(
+        (m.metallic, m.roughness, m.normal_scale, m.double_sided, m.unlit),
+        (0.5, 0.25, 0.5, true, true)
+    );
     assert_eq!((m.alpha_mode, m.emission), (AlphaMode::Mask(0.75), Color::new(8.0, 4.0, 0.0)));
-    assert_eq!((m.ior, m.specular, m.specular_color, m.transmission), (0.0, 0.5, Color::new(2.0, 1.0, 1.0), 0.5));
-    assert_eq!((m.thin, m.attenuation_distance, m.attenuation_color), (false, 3.0, Color::new(1.0, 0.5, 0.5)));
+    assert_eq!(
+        (m.ior, m.specular, m.specular_color, m.transmission),
+        (0.0, 0.5, Color::new(2.0, 1.0, 1.0), 0.5)
+    );
+    assert_eq!(
+        (m.thin, m.attenuation_distance, m.attenuation_color),
+        (false, 3.0, Color::new(1.0, 0.5, 0.5))
+    );
     assert_eq!((m.clearcoat, m.clearcoat_roughness), (1.0, 0.125));
     assert!(m.native.is_some());
     let base = m.base_color_texture.unwrap();
     assert_eq!((base.texture, base.uv_set, base.color_space), (0, 1, ColorSpace::Srgb));
-    assert_eq!((base.offset, base.rotation, base.scale), (Vec2::new(0.25, 0.5), 0.5, Vec2::new(2.0, 3.0)));
+    assert_eq!(
+        (base.offset, base.rotation, base.scale),
+        (Vec2::new(0.25, 0.5), 0.5, Vec2::new(2.0, 3.0))
+    );
     let normal = m.normal_texture.unwrap();
     assert_eq!((normal.texture, normal.uv_set, normal.color_space), (1, 0, ColorSpace::Linear));
-    let [first, second] = scene.textures.as_slice() else { panic!("{} textures", scene.textures.len()) };
+    let [first, second] = scene.textures.as_slice() else {
+        panic!("{} textures", scene.textures.len())
+    };
     assert_eq!((first.wrap_s, first.wrap_t, first.nearest), (Wrap::Clamp, Wrap::Mirror, true));
     assert_eq!((second.wrap_s, second.wrap_t, second.nearest), (Wrap::Repeat, Wrap::Repeat, false));
     assert!(std::sync::Arc::ptr_eq(&first.image, &second.image));
@@ -365,8 +458,7 @@ fn materials_and_their_extensions() {
 }
 
 /// One pixel, RGBA (200, 100, 50, 64).
-const PIXEL: &str =
-    "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGM4kWLkAAAE9QGfhM72PAAAAABJRU5ErkJggg==";
+const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGM4kWLkAAAE9QGfhM72PAAAAABJRU5ErkJggg==";
 
 #[test]
 fn specular_glossiness_becomes_a_dielectric_with_its_f0() {
@@ -378,8 +470,14 @@ fn specular_glossiness_becomes_a_dielectric_with_its_f0() {
     file.add("materials", json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}));
     let scene = file.load();
     let m = &scene.materials[0];
-    assert_eq!((m.base_color, m.metallic, m.ior, m.specular_color), (Color::splat(0.5), 0.0, 0.0, Color::new(0.25, 0.5, 1.0)));
-    assert_eq!((m.roughness, m.specular_color_texture.unwrap().color_space), (1.0, ColorSpace::Srgb));
+    assert_eq!(
+        (m.base_color, m.metallic, m.ior, m.specular_color),
+        (Color::splat(0.5), 0.0, 0.0, Color::new(0.25, 0.5, 1.0))
+    );
+    assert_eq!(
+        (m.roughness, m.specular_color_texture.unwrap().color_space),
+        (1.0, ColorSpace::Srgb)
+    );
     let image = &scene.textures[m.metallic_roughness_texture.unwrap().texture as usize].image;
     // 1 - 0.5 * 64/255 in green.
     assert_eq!(image.pixels, TexturePixels::Rgba8(vec![[255, 223, 255, 255]]));
@@ -403,13 +501,20 @@ fn lights_stand_where_their_nodes_are_whatever_the_scale() {
         json!({"children": lights, "translation": [1, 2, 3], "rotation": [SQRT_HALF, 0, 0, SQRT_HALF], "scale": [5, 5, 5]}),
     );
     file.scene(&[turned]);
-    let radiometric = ImportOptions { light_units: LightUnits::Radiometric, ..ImportOptions::default() };
+    let radiometric =
+        ImportOptions { light_units: LightUnits::Radiometric, ..ImportOptions::default() };
     for (options, unit) in [(ImportOptions::default(), 683.0), (radiometric, 1.0)] {
         let scene = file.load_with(&options);
-        let [PunctualLight::Point { position, intensity, range }, ref spot, ref sun] = scene.punctual[..] else { panic!() };
+        let [PunctualLight::Point { position, intensity, range }, ref spot, ref sun] =
+            scene.punctual[..]
+        else {
+            panic!()
+        };
         assert_eq!((position, range), (Vec3::new(1.0, 2.0, 3.0), 7.0));
         assert!((intensity - unit * Color::new(1.0, 0.5, 0.0)).length() < 1e-4, "{intensity}");
-        let PunctualLight::Spot { direction, cos_inner, cos_outer, range, .. } = *spot else { panic!("{spot:?}") };
+        let PunctualLight::Spot { direction, cos_inner, cos_outer, range, .. } = *spot else {
+            panic!("{spot:?}")
+        };
         assert!((direction - Vec3::Y).length() < 1e-6 && range == f32::INFINITY);
         assert_eq!((cos_inner, cos_outer), (0.25f32.cos(), 0.5f32.cos()));
         let PunctualLight::Directional { irradiance, .. } = *sun else { panic!("{sun:?}") };
@@ -435,16 +540,26 @@ fn the_chosen_scene_is_shown() {
     assert_eq!(count(&file, Some(SceneChoice::Index(0))), Ok(1));
     assert_eq!(count(&file, Some(SceneChoice::Name("two".into()))), Ok(2));
     assert!(count(&file, Some(SceneChoice::Index(2))).unwrap_err().contains("the file has 2"));
-    assert!(count(&file, Some(SceneChoice::Name("x".into()))).unwrap_err().contains("\"one\", \"two\""));
+    assert!(
+        count(&file, Some(SceneChoice::Name("x".into()))).unwrap_err().contains("\"one\", \"two\"")
+    );
 }
 
 #[test]
 fn gpu_instances_are_placed_relative_to_their_node() {
     let mut file = Gltf::new();
     let mesh = triangle(&mut file);
-    let offsets = file.accessor(&floats(&[1.0, 0.0, 0.0, 0.0, 2.0, 0.0]), 5126, "VEC3", 2, json!({}), None);
+    let offsets =
+        file.accessor(&floats(&[1.0, 0.0, 0.0, 0.0, 2.0, 0.0]), 5126, "VEC3", 2, json!({}), None);
     // No turn, and a half turn about +Z.
-    let turns = file.accessor(&shorts(&[0, 0, 0, 32767, 0, 0, 32767, 0]), 5122, "VEC4", 2, json!({"normalized": true}), None);
+    let turns = file.accessor(
+        &shorts(&[0, 0, 0, 32767, 0, 0, 32767, 0]),
+        5122,
+        "VEC4",
+        2,
+        json!({"normalized": true}),
+        None,
+    );
     let attributes = json!({"TRANSLATION": offsets, "ROTATION": turns, "_ID": 99});
     let node = file.node(
         json!({"mesh": mesh, "scale": [10, 10, 10], "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}),
@@ -459,15 +574,20 @@ fn gpu_instances_are_placed_relative_to_their_node() {
 #[test]
 fn triangles_without_area_and_unused_vertices_are_left_out() {
     let mut file = Gltf::new();
-    let position = file.positions(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0]);
-    let indices = file.accessor(&shorts(&[1, 2, 3, 1, 2, 4, 3, 3, 1]), 5123, "SCALAR", 9, json!({}), None);
+    let position = file
+        .positions(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0]);
+    let indices =
+        file.accessor(&shorts(&[1, 2, 3, 1, 2, 4, 3, 3, 1]), 5123, "SCALAR", 9, json!({}), None);
     file.show(json!({"attributes": {"POSITION": position}, "indices": indices}));
     let scene = file.load();
     let mesh = &scene.geometry.meshes[0];
     assert_eq!((mesh.indices.len(), mesh.positions.len()), (1, 4));
     assert_eq!(scene.geometry.triangle(0, 0), [Vec3::ZERO, Vec3::X, Vec3::Y]);
     assert!(
-        scene.warnings.iter().any(|w| w.contains("/meshes/0/primitives/0: 2 triangles without area")),
+        scene
+            .warnings
+            .iter()
+            .any(|w| w.contains("/meshes/0/primitives/0: 2 triangles without area")),
         "{:?}",
         scene.warnings
     );
@@ -495,7 +615,10 @@ fn images_beside_the_file_are_found_and_shared() {
         TexturePixels::Rgba8(pixels) => pixels.as_slice(),
         TexturePixels::Rgba16(_) => panic!("16 bits"),
     };
-    assert_eq!((pixels(0), pixels(1)), ([[10, 20, 30, 40]; 2].as_slice(), [[200, 100, 50, 64]].as_slice()));
+    assert_eq!(
+        (pixels(0), pixels(1)),
+        ([[10, 20, 30, 40]; 2].as_slice(), [[200, 100, 50, 64]].as_slice())
+    );
     assert!(std::sync::Arc::ptr_eq(&scene.textures[0].image, &scene.textures[2].image));
 }
 

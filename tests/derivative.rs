@@ -1,10 +1,13 @@
-//! Gradients of irradiance against closed forms: a square lamp above a plane, with and without rectangles in between.
+//! Gradients of irradiance against closed forms: a square lamp above a plane, with and without
+//! rectangles in between.
 //!
-//! The expected values are finite differences (step 1e-4) of Lambert's formula with the occluder's shadow taken out of the lamp.
+//! The expected values are finite differences (step 1e-4) of Lambert's formula with the occluder's
+//! shadow taken out of the lamp.
 
 use crate::bsdfs::point;
 use lumicache::gather::{
-    Bundle, Deeper, Density, Gradient, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe, TranslationalGradient,
+    Bundle, Deeper, Density, Gradient, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe,
+    TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Frame, Vec2, Vec3};
@@ -58,8 +61,14 @@ pub fn occluder(min: [f32; 2], max: [f32; 2]) -> LampAndOccluders {
     LampAndOccluders(vec![Rectangle { min: Vec2::from(min), max: Vec2::from(max), z: 1.0 }])
 }
 
-/// Mean over `runs` seeds of (E, translational gradient by `kind`, rotational gradient), red channel.
-fn estimate(probe: &dyn RadianceProbe, layout: Layout, kind: TranslationalGradient, runs: u64) -> (f64, [f64; 2], [f64; 2]) {
+/// Mean over `runs` seeds of (E, translational gradient by `kind`, rotational gradient), red
+/// channel.
+fn estimate(
+    probe: &dyn RadianceProbe,
+    layout: Layout,
+    kind: TranslationalGradient,
+    runs: u64,
+) -> (f64, [f64; 2], [f64; 2]) {
     let mut samples = HemisphereSamples::new(layout, Density::Cosine);
     let (mut e, mut t, mut r) = (0.0, [0.0; 2], [0.0; 2]);
     for seed in 0..runs {
@@ -77,11 +86,16 @@ fn estimate(probe: &dyn RadianceProbe, layout: Layout, kind: TranslationalGradie
 fn assert_close(got: [f64; 2], expected: [f64; 2], relative: f64, what: &str) {
     let error = ((got[0] - expected[0]).powi(2) + (got[1] - expected[1]).powi(2)).sqrt();
     let scale = (expected[0].powi(2) + expected[1].powi(2)).sqrt();
-    assert!(error < relative * scale, "{what}: {got:?} instead of {expected:?}, off by {:.1} %", 100.0 * error / scale);
+    assert!(
+        error < relative * scale,
+        "{what}: {got:?} instead of {expected:?}, off by {:.1} %",
+        100.0 * error / scale
+    );
 }
 
 const POLAR: Layout = Layout::Polar { m: 64, n: 200 };
-const T1: (f64, [f64; 2], [f64; 2]) = (0.692_236_14, [-0.176_765_88, -0.117_087_09], [0.079_084_58, -0.118_938_80]);
+const T1: (f64, [f64; 2], [f64; 2]) =
+    (0.692_236_14, [-0.176_765_88, -0.117_087_09], [0.079_084_58, -0.118_938_80]);
 const T2: (f64, [f64; 2]) = (0.333_834_68, [-0.501_796_86, 0.222_261_32]);
 const T3: (f64, [f64; 2]) = (0.605_672_02, [-0.160_513_38, -0.100_834_59]);
 const T4: (f64, [f64; 2]) = (0.268_665_09, [-0.560_892_2, -0.042_570_0]);
@@ -116,13 +130,15 @@ fn occluders_move_the_gradient_and_ward_heckbert_sees_it() {
 
 #[test]
 fn the_per_sample_gradient_is_blind_to_silhouettes() {
-    let (_, t, _) = estimate(&occluder([0.2, -0.5], [1.2, 0.5]), POLAR, TranslationalGradient::PerSample, 16);
+    let (_, t, _) =
+        estimate(&occluder([0.2, -0.5], [1.2, 0.5]), POLAR, TranslationalGradient::PerSample, 16);
     assert_close(t, [-0.185, -0.011], 0.05, "T2 as patches that keep their visibility");
 }
 
 #[test]
 fn rotating_the_normal_changes_irradiance_as_the_rotational_gradient_says() {
-    // Central differences of E over a tilt of the receiver, against (n_i x n) . G with the library's frames; means over 64 seeds.
+    // Central differences of E over a tilt of the receiver, against (n_i x n) . G with the
+    // library's frames; means over 64 seeds.
     let open = LampAndOccluders::open();
     let at = receiver();
     let mut samples = HemisphereSamples::new(POLAR, Density::Cosine);
@@ -136,12 +152,14 @@ fn rotating_the_normal_changes_irradiance_as_the_rotational_gradient_says() {
         total
     };
     let (_, _, g) = estimate(&open, POLAR, TranslationalGradient::None, 64);
-    let gradient = Gradient { s: Color::splat(g[0] as f32), t: Color::splat(g[1] as f32) }.to_world(&at.frame);
+    let gradient =
+        Gradient { s: Color::splat(g[0] as f32), t: Color::splat(g[1] as f32) }.to_world(&at.frame);
     for axis in [Vec3::X, Vec3::Y, Vec3::new(0.6, -0.8, 0.0)] {
         let n = (at.frame.n + 0.1 * axis).normalize();
         let difference = irradiance(n) - irradiance((at.frame.n - 0.1 * axis).normalize());
         let predicted = 2.0 * f64::from((gradient * at.frame.n.cross(n)).x);
-        // The lamp's irradiance is linear in a small tilt; what is left is sampling noise of about 1e-3.
+        // The lamp's irradiance is linear in a small tilt; what is left is sampling noise of about
+        // 1e-3.
         assert!((predicted - difference).abs() < 0.002, "{axis}: {predicted} {difference}");
     }
 }
@@ -183,6 +201,7 @@ fn sigma_is_the_spread_of_irradiance_over_seeds() {
     let n = runs as f64;
     let spread = (squares / n - (sum / n).powi(2)).sqrt();
     let sigma = (sigma2 / n).sqrt();
-    // The groups are coarser strata than the whole, so sigma is somewhat above the true spread, never far below it.
+    // The groups are coarser strata than the whole, so sigma is somewhat above the true spread,
+    // never far below it.
     assert!(sigma > 0.8 * spread && sigma < 3.0 * spread, "{sigma} {spread}");
 }

@@ -8,13 +8,18 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Options with which a render takes a blink.
-pub const QUICK: &[&str] = &["--size", "32x24", "--rays", "16", "--error", "1", "--set", "levels=1"];
+pub const QUICK: &[&str] =
+    &["--size", "32x24", "--rays", "16", "--error", "1", "--set", "levels=1"];
 /// How long a busy machine may take to start the program, and it to find what is wrong.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The path of one of our scenes.
 pub fn scene(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.gltf")).to_str().unwrap().to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("scenes/{name}.gltf"))
+        .to_str()
+        .unwrap()
+        .to_owned()
 }
 
 /// A folder to run the program in, empty at first.
@@ -50,7 +55,8 @@ impl Desk {
     /// Renders one of our scenes, quickly, to `out.exr`, and reads that.
     pub fn render(&self, name: &str, more: &[&str]) -> Layers {
         let samples: &[&str] = if more.contains(&"--spp") { &[] } else { &["--spp", "2"] };
-        let stdout = self.print(&[&["render", &scene(name), "-o", "out.exr"], QUICK, samples, more].concat());
+        let stdout = self
+            .print(&[&["render", &scene(name), "-o", "out.exr"], QUICK, samples, more].concat());
         assert_eq!(stdout, "", "a render that is piped says nothing");
         exr::read(&self.path("out.exr")).unwrap()
     }
@@ -58,7 +64,8 @@ impl Desk {
     /// Runs what must fail with one line that contains `words` and leave no file behind.
     pub fn fail(&self, arguments: &[&str], words: &[&str]) {
         let before = self.files();
-        let mut child = self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child =
+            self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let started = Instant::now();
         while child.try_wait().unwrap().is_none() {
             if started.elapsed() > PATIENCE {
@@ -74,7 +81,10 @@ impl Desk {
             error.starts_with("lumicache: ") && error.ends_with('\n') && error.lines().count() == 1,
             "{arguments:?}: {error:?}"
         );
-        assert!(words.iter().all(|w| error.contains(w)), "{arguments:?}: {error} does not say {words:?}");
+        assert!(
+            words.iter().all(|w| error.contains(w)),
+            "{arguments:?}: {error} does not say {words:?}"
+        );
         assert!(output.stdout.is_empty(), "{arguments:?}");
         assert_eq!(self.files(), before, "{arguments:?} left something behind");
     }
@@ -82,7 +92,8 @@ impl Desk {
     /// The names of all files, hidden ones too.
     pub fn files(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap().map(|e| e.unwrap());
-        let mut names: Vec<_> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<_> =
+            entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
     }

@@ -1,10 +1,14 @@
 //! Energy, reciprocity and consistency of the BSDFs, against quadrature over the sphere.
 
-use crate::bsdfs::{Chart, Rng, at, axis_of, bsdf, cells, glass, integrate, matte, metal, plastic, sheet, views, zoo};
+use crate::bsdfs::{
+    Chart, Rng, at, axis_of, bsdf, cells, glass, integrate, matte, metal, plastic, sheet, views,
+    zoo,
+};
 use lumicache::material::{Bsdf, Lobe, Material, NativeBrdf};
 use lumicache::math::{Color, PI, Vec3};
 
-/// `∫ f |cosθ_i| dω_i` and `∫ pdf dω_i` over the sphere, by adaptive quadrature with relative error below 1e-3.
+/// `∫ f |cosθ_i| dω_i` and `∫ pdf dω_i` over the sphere, by adaptive quadrature with relative error
+/// below 1e-3.
 fn quadrature(b: &Bsdf, wo: Vec3) -> (Color, f64) {
     let chart = Chart::about(axis_of(b, wo));
     let g = |wi: Vec3| {
@@ -19,8 +23,9 @@ fn quadrature(b: &Bsdf, wo: Vec3) -> (Color, f64) {
     (Color::new(sum[1] as f32, sum[2] as f32, sum[3] as f32), sum[0])
 }
 
-/// Mean weight of `n` stratified draws: the finite lobes, the delta lobes, and the standard error of the finite ones (of independent draws,
-/// an upper bound). Refracted weights count `eta²`-fold if `undo_compression`.
+/// Mean weight of `n` stratified draws: the finite lobes, the delta lobes, and the standard error
+/// of the finite ones (of independent draws, an upper bound). Refracted weights count `eta²`-fold
+/// if `undo_compression`.
 fn monte_carlo(b: &Bsdf, wo: Vec3, n: usize, undo_compression: bool) -> (Color, Color, Color) {
     let mut rng = Rng(n as u64);
     let (mut finite, mut squares, mut delta) = (Color::ZERO, Color::ZERO, Color::ZERO);
@@ -48,13 +53,20 @@ const ROUGHNESS: [f32; 8] = [0.1, 0.2, 0.3, 0.45, 0.5477, 0.7, 0.85, 1.0];
 fn white_metal_reflects_all_and_single_scattering_no_more() {
     for roughness in ROUGHNESS {
         let full = bsdf(&metal(Color::ONE, roughness), false);
-        let single = bsdf(&Material { multiple_scattering: false, ..metal(Color::ONE, roughness) }, false);
+        let single =
+            bsdf(&Material { multiple_scattering: false, ..metal(Color::ONE, roughness) }, false);
         for degrees in [0.0, 30.0, 60.0, 75.0, 85.0, 89.0] {
             let wo = at(degrees, 50.0);
             let (albedo, _) = quadrature(&full, wo);
-            assert!((albedo - Color::ONE).abs().max_element() < 0.01, "roughness {roughness}, {degrees} degrees: {albedo}");
+            assert!(
+                (albedo - Color::ONE).abs().max_element() < 0.01,
+                "roughness {roughness}, {degrees} degrees: {albedo}"
+            );
             let (albedo, _) = quadrature(&single, wo);
-            assert!(albedo.max_element() <= 1.0 + 1e-3, "single scattering, roughness {roughness}, {degrees} degrees: {albedo}");
+            assert!(
+                albedo.max_element() <= 1.0 + 1e-3,
+                "single scattering, roughness {roughness}, {degrees} degrees: {albedo}"
+            );
         }
     }
 }
@@ -71,7 +83,15 @@ fn layers_over_white_reflect_at_most_all() {
             (Material { clearcoat: 1.0, clearcoat_roughness: 0.3, ..plastic(white, r) }, false),
             (Material { clearcoat: 0.5, clearcoat_roughness: r, ..metal(white, r) }, false),
             (sheet(white, r), true),
-            (Material { transmission: 0.4, clearcoat: 0.7, clearcoat_roughness: 0.0, ..sheet(white, r) }, true),
+            (
+                Material {
+                    transmission: 0.4,
+                    clearcoat: 0.7,
+                    clearcoat_roughness: 0.0,
+                    ..sheet(white, r)
+                },
+                true,
+            ),
         ]
     };
     for roughness in [0.0, 0.25, 0.5, 1.0] {
@@ -83,9 +103,14 @@ fn layers_over_white_reflect_at_most_all() {
                 let total = finite + delta;
                 let place = format!("stack {index}, roughness {roughness}, wo {wo}: {total}");
                 assert!(total.max_element() <= 1.012, "{place}");
-                // Nothing is absorbed in a stack of achromatic, uncoated or smoothly coated white layers.
+                // Nothing is absorbed in a stack of achromatic, uncoated or smoothly coated white
+                // layers.
                 assert!(!closed || total.min_element() >= 0.985, "{place}");
-                assert!((b.albedo(wo) - total).abs().max_element() < 0.012, "{place}, albedo() says {}", b.albedo(wo));
+                assert!(
+                    (b.albedo(wo) - total).abs().max_element() < 0.012,
+                    "{place}, albedo() says {}",
+                    b.albedo(wo)
+                );
             }
         }
     }
@@ -101,7 +126,9 @@ fn clear_glass_reflects_or_transmits_all() {
                     let (finite, delta, error) = monte_carlo(&b, at(degrees, 10.0), 20_000, true);
                     let total = (finite + delta).x;
                     let slack = if roughness == 0.0 { 1e-4 } else { 0.02 + 4.0 * error.x };
-                    let place = format!("ior {ior}, roughness {roughness}, inside {back_face}, {degrees} degrees: {total}");
+                    let place = format!(
+                        "ior {ior}, roughness {roughness}, inside {back_face}, {degrees} degrees: {total}"
+                    );
                     assert!((total - 1.0).abs() < slack, "{place}");
                 }
             }
@@ -143,7 +170,9 @@ fn sample_means_match_quadrature() {
             // Five standard errors on 300 numbers: a false alarm in about 6000 seeds.
             let slack = 5.0 * error + Color::splat(2e-3);
             if !(mean - exact).abs().cmple(slack).all() {
-                failures.push(format!("{name}, wo {wo}: mean {mean}, quadrature {exact}, error {error}"));
+                failures.push(format!(
+                    "{name}, wo {wo}: mean {mean}, quadrature {exact}, error {error}"
+                ));
             }
         }
     }
@@ -158,7 +187,10 @@ fn weights_are_f_cos_over_pdf_and_lobes_say_what_they_are() {
             for k in 0..400 {
                 let glossy = k % 2 == 1;
                 let (x, u) = (rng.f32(), rng.vec2());
-                let Some(s) = (if glossy { b.sample_glossy(wo, x, u) } else { b.sample(wo, x, u) }) else { continue };
+                let Some(s) = (if glossy { b.sample_glossy(wo, x, u) } else { b.sample(wo, x, u) })
+                else {
+                    continue;
+                };
                 assert!((s.wi.length() - 1.0).abs() < 1e-4, "{name}");
                 assert_eq!(s.transmitted, s.wi.z < 0.0, "{name}");
                 assert!(!(glossy && s.lobe == Lobe::Diffuse), "{name}");
@@ -166,11 +198,17 @@ fn weights_are_f_cos_over_pdf_and_lobes_say_what_they_are() {
                     assert!(s.pdf == f32::INFINITY && s.weight.is_finite(), "{name}");
                     continue;
                 }
-                let (f, pdf) =
-                    if glossy { (b.f_glossy(wo, s.wi), b.pdf_glossy(wo, s.wi)) } else { (b.f(wo, s.wi), b.pdf(wo, s.wi)) };
+                let (f, pdf) = if glossy {
+                    (b.f_glossy(wo, s.wi), b.pdf_glossy(wo, s.wi))
+                } else {
+                    (b.f(wo, s.wi), b.pdf(wo, s.wi))
+                };
                 assert!((pdf - s.pdf).abs() <= 1e-4 * pdf, "{name}: {pdf} {}", s.pdf);
                 let expected = f * s.wi.z.abs() / pdf;
-                assert!((expected - s.weight).abs().max_element() <= 1e-3 * expected.max_element(), "{name}");
+                assert!(
+                    (expected - s.weight).abs().max_element() <= 1e-3 * expected.max_element(),
+                    "{name}"
+                );
             }
         }
     }
@@ -203,7 +241,9 @@ fn reciprocal_where_the_model_is() {
     let red = Color::new(0.8, 0.3, 0.1);
     let mut surfaces: Vec<(&str, Bsdf)> = zoo()
         .into_iter()
-        .filter(|(name, ..)| ["lambert", "phong", "lafortune", "ward"].iter().any(|p| name.starts_with(p)))
+        .filter(|(name, ..)| {
+            ["lambert", "phong", "lafortune", "ward"].iter().any(|p| name.starts_with(p))
+        })
         .map(|(name, b, _)| (name, b))
         .collect();
     surfaces.push(("metal", bsdf(&single(metal(red, 0.5)), false)));
@@ -217,7 +257,10 @@ fn reciprocal_where_the_model_is() {
             let (mut a, mut c) = (rng.direction(), rng.direction());
             (a.z, c.z) = (a.z.abs(), c.z.abs());
             let (ab, ba) = (b.f(a, c), b.f(c, a));
-            assert!((ab - ba).abs().max_element() <= 1e-3 * (ab.max_element() + 1e-3), "{name}: {ab} {ba}");
+            assert!(
+                (ab - ba).abs().max_element() <= 1e-3 * (ab.max_element() + 1e-3),
+                "{name}: {ab} {ba}"
+            );
         }
     }
     // Refraction: η² f(wo, wi) = f(wi, wo), η the index on wi's side over that on wo's [Veach97].
@@ -252,12 +295,18 @@ fn specular_zero_is_lambert_and_nothing_else() {
 fn phong_and_ward_have_their_closed_forms() {
     // The Phong lobe seen from the normal reflects exactly ks: (s+2)/(2π) ∫ cos^(s+1) = 1.
     for exponent in [0.0, 1.0, 20.0, 500.0] {
-        let b = Bsdf::native(NativeBrdf::Phong { kd: Color::ZERO, ks: Color::splat(0.6), exponent });
+        let b =
+            Bsdf::native(NativeBrdf::Phong { kd: Color::ZERO, ks: Color::splat(0.6), exponent });
         let (albedo, _) = quadrature(&b, Vec3::Z);
         assert!((albedo.x - 0.6).abs() < 2e-3, "exponent {exponent}: {albedo}");
     }
     // At the peak, h = n: f = ks / (4π αx αy cos²θ).
-    let b = Bsdf::native(NativeBrdf::WardDuer { kd: Color::ZERO, ks: Color::splat(0.5), alpha_x: 0.2, alpha_y: 0.3 });
+    let b = Bsdf::native(NativeBrdf::WardDuer {
+        kd: Color::ZERO,
+        ks: Color::splat(0.5),
+        alpha_x: 0.2,
+        alpha_y: 0.3,
+    });
     let (wo, wi) = (at(50.0, 0.0), at(50.0, 180.0));
     let expected = 0.5 / (4.0 * PI * 0.2 * 0.3 * wo.z * wo.z);
     assert!((b.f(wo, wi).x / expected - 1.0).abs() < 1e-4);
@@ -271,7 +320,13 @@ fn phong_and_ward_have_their_closed_forms() {
 fn every_finite_input_gives_finite_numbers() {
     let mut rng = Rng(99);
     let extremes = [0.0, 1.0, 1e-8, 1e-3, 0.0316, 0.0317, 0.5, -1.0, 7.0, 1e9];
-    let pick = |rng: &mut Rng| if rng.f32() < 0.5 { rng.f32() } else { extremes[(rng.f32() * extremes.len() as f32) as usize] };
+    let pick = |rng: &mut Rng| {
+        if rng.f32() < 0.5 {
+            rng.f32()
+        } else {
+            extremes[(rng.f32() * extremes.len() as f32) as usize]
+        }
+    };
     for round in 0..4000 {
         let color = |rng: &mut Rng| Color::new(pick(rng), pick(rng), pick(rng));
         let colors: [Color; 7] = std::array::from_fn(|_| color(&mut rng));
@@ -290,7 +345,12 @@ fn every_finite_input_gives_finite_numbers() {
             multiple_scattering: round % 5 != 0,
             native: match round % 12 {
                 0 => Some(NativeBrdf::Phong { kd: colors[0], ks: colors[1], exponent: value() }),
-                1 => Some(NativeBrdf::WardDuer { kd: colors[0], ks: colors[1], alpha_x: value(), alpha_y: value() }),
+                1 => Some(NativeBrdf::WardDuer {
+                    kd: colors[0],
+                    ks: colors[1],
+                    alpha_x: value(),
+                    alpha_y: value(),
+                }),
                 2 => Some(NativeBrdf::Lafortune {
                     kd: colors[0],
                     lobes: [lumicache::material::LafortuneLobe {
@@ -319,14 +379,21 @@ fn every_finite_input_gives_finite_numbers() {
             }
             let finite = |c: Color| c.is_finite() && c.min_element() >= 0.0;
             for (f, pdf) in [b.f_pdf(wo, wi), b.f_pdf_glossy(wo, wi)] {
-                assert!(finite(f) && pdf >= 0.0 && pdf.is_finite(), "{material:?}\n{wo} {wi}: {f} {pdf}");
+                assert!(
+                    finite(f) && pdf >= 0.0 && pdf.is_finite(),
+                    "{material:?}\n{wo} {wi}: {f} {pdf}"
+                );
             }
             assert!(finite(b.diffuse_albedo(wo)) && finite(b.albedo(wo)), "{material:?}\n{wo}");
             for u in [rng.vec2(), Color::ZERO.truncate(), Color::splat(0.999_999_94).truncate()] {
                 for x in [0.0, rng.f32(), 0.999_999_94] {
                     for s in [b.sample(wo, x, u), b.sample_glossy(wo, x, u)].into_iter().flatten() {
-                        let sane = finite(s.weight) && s.wi.is_finite() && s.pdf > 0.0 && s.eta > 0.0;
-                        assert!(sane && (s.wi.length() - 1.0).abs() < 1e-3, "{material:?}\n{wo}: {s:?}");
+                        let sane =
+                            finite(s.weight) && s.wi.is_finite() && s.pdf > 0.0 && s.eta > 0.0;
+                        assert!(
+                            sane && (s.wi.length() - 1.0).abs() < 1e-3,
+                            "{material:?}\n{wo}: {s:?}"
+                        );
                     }
                 }
             }

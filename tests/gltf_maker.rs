@@ -76,7 +76,8 @@ impl Gltf {
         stride: Option<usize>,
     ) -> usize {
         let view = self.view(bytes, stride);
-        let mut accessor = json!({"bufferView": view, "componentType": component, "type": shape, "count": count});
+        let mut accessor =
+            json!({"bufferView": view, "componentType": component, "type": shape, "count": count});
         for (key, value) in more.as_object().unwrap() {
             accessor[key] = value.clone();
         }
@@ -127,7 +128,8 @@ impl Gltf {
             chunks.push((0x004E_4942, self.bytes.clone()));
         }
         let length: usize = 12 + chunks.iter().map(|(_, data)| 8 + data.len()).sum::<usize>();
-        let mut file = [b"glTF".as_slice(), &2u32.to_le_bytes(), &(length as u32).to_le_bytes()].concat();
+        let mut file =
+            [b"glTF".as_slice(), &2u32.to_le_bytes(), &(length as u32).to_le_bytes()].concat();
         for (kind, data) in chunks {
             file.extend((data.len() as u32).to_le_bytes());
             file.extend(kind.to_le_bytes());

@@ -66,10 +66,16 @@ fn the_header_is_what_the_source_says() {
 
 /// The names of the functions that `header` declares, sorted.
 pub fn declared(header: &str) -> Vec<String> {
-    let code: String = header.lines().filter(|l| !l.trim_start().starts_with("//")).flat_map(|l| [l, "\n"]).collect();
+    let code: String = header
+        .lines()
+        .filter(|l| !l.trim_start().starts_with("//"))
+        .flat_map(|l| [l, "\n"])
+        .collect();
     let mut names: Vec<String> = code
         .split("LUMI_API")
-        .filter_map(|rest| rest.split_once('(')?.0.split([' ', '*', '\n']).next_back().map(str::to_owned))
+        .filter_map(|rest| {
+            rest.split_once('(')?.0.split([' ', '*', '\n']).next_back().map(str::to_owned)
+        })
         .filter(|n| n.starts_with("lumi_"))
         .collect();
     names.sort_unstable();
@@ -105,18 +111,34 @@ fn every_exported_function_goes_through_the_guard() {
     }
     assert!(functions.len() > 30);
     for (name, body) in &functions {
-        assert!(name.starts_with("lumi_") && header.contains(&format!("{name}(")), "{name} is not in the header");
-        // Nothing but plain declarations stands outside the guard, which is given the function's own name.
-        let before: Vec<_> = body.lines().take_while(|l| !l.contains(&format!("(\"{name}\", "))).collect();
+        assert!(
+            name.starts_with("lumi_") && header.contains(&format!("{name}(")),
+            "{name} is not in the header"
+        );
+        // Nothing but plain declarations stands outside the guard, which is given the function's
+        // own name.
+        let before: Vec<_> =
+            body.lines().take_while(|l| !l.contains(&format!("(\"{name}\", "))).collect();
         assert!(before.len() < body.lines().count(), "{name} has no guard of its name");
-        let plain =
-            |l: &str| l.trim().starts_with("let mut ") || l.trim().starts_with("const ") || l.contains("=> ") || l.trim() == "};";
-        assert!(before.iter().all(|l| plain(l)), "{name} does something before its guard: {before:?}");
+        let plain = |l: &str| {
+            l.trim().starts_with("let mut ")
+                || l.trim().starts_with("const ")
+                || l.contains("=> ")
+                || l.trim() == "};"
+        };
+        assert!(
+            before.iter().all(|l| plain(l)),
+            "{name} does something before its guard: {before:?}"
+        );
         let guard = body.lines().find(|l| l.contains(&format!("(\"{name}\", "))).unwrap().trim();
         assert!(guard.starts_with("guard(") || guard.starts_with("guard_void("), "{name}: {guard}");
     }
     // The scan sees a function without a guard.
-    assert_eq!(exported("#[unsafe(no_mangle)]\npub extern \"C\" fn lumi_x(a: u32) {\n    a + 1;\n}\n")[0].1, "    a + 1;");
+    assert_eq!(
+        exported("#[unsafe(no_mangle)]\npub extern \"C\" fn lumi_x(a: u32) {\n    a + 1;\n}\n")[0]
+            .1,
+        "    a + 1;"
+    );
 }
 
 #[test]

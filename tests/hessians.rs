@@ -1,13 +1,16 @@
-//! Gradients and Hessians of irradiance from the triangulated hemisphere against closed forms: the lamp and the rectangles of [`crate::derivative`].
+//! Gradients and Hessians of irradiance from the triangulated hemisphere against closed forms: the
+//! lamp and the rectangles of [`crate::derivative`].
 //!
-//! The expected values are finite differences (step 1e-4) of Lambert's formula with the occluder's shadow taken out of the lamp. Seeds are fixed; the standard errors of the means
-//! over `runs` gathers are below a third of every tolerance.
+//! The expected values are finite differences (step 1e-4) of Lambert's formula with the occluder's
+//! shadow taken out of the lamp. Seeds are fixed; the standard errors of the means over `runs`
+//! gathers are below a third of every tolerance.
 
 use crate::derivative::{LampAndOccluders, Rectangle, occluder, receiver};
 use crate::pictures::{build, load, own, seen};
 use crate::testdata;
 use lumicache::gather::{
-    Bundle, Deeper, Density, Derivatives, HemisphereSamples, Layout, NoDeeper, RadianceProbe, TriangleRadiance,
+    Bundle, Deeper, Density, Derivatives, HemisphereSamples, Layout, NoDeeper, RadianceProbe,
+    TriangleRadiance,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::integrator::{PathTracer, SceneProbe};
@@ -15,7 +18,8 @@ use lumicache::math::{Color, Frame, Vec2, Vec3};
 use lumicache::scene::Scene;
 use std::time::{Duration, Instant};
 
-/// The lamp's plane goes on around the lamp, black: without it the lamp would have silhouettes of its own.
+/// The lamp's plane goes on around the lamp, black: without it the lamp would have silhouettes of
+/// its own.
 pub struct Ceiling(pub LampAndOccluders);
 
 impl RadianceProbe for Ceiling {
@@ -42,14 +46,24 @@ fn values(d: &Derivatives) -> Golden {
     ([g.s.x, g.t.x].map(f64::from), [h.ss.x, h.st.x, h.tt.x].map(f64::from))
 }
 
-pub fn gathered(probe: &dyn RadianceProbe, at: &SurfacePoint, n: u32, seed: u64) -> HemisphereSamples {
+pub fn gathered(
+    probe: &dyn RadianceProbe,
+    at: &SurfacePoint,
+    n: u32,
+    seed: u64,
+) -> HemisphereSamples {
     let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine);
     samples.gather(probe, at, 0, &NoDeeper, seed);
     samples
 }
 
 /// Mean over `runs` seeds of what `estimate` makes of n x n samples.
-fn mean(probe: &dyn RadianceProbe, n: u32, runs: u64, estimate: impl Fn(&HemisphereSamples) -> Derivatives) -> Golden {
+fn mean(
+    probe: &dyn RadianceProbe,
+    n: u32,
+    runs: u64,
+    estimate: impl Fn(&HemisphereSamples) -> Derivatives,
+) -> Golden {
     let (mut g, mut h) = ([0.0; 2], [0.0; 3]);
     for seed in 0..runs {
         let (g1, h1) = values(&estimate(&gathered(probe, &receiver(), n, seed)));
@@ -130,15 +144,18 @@ fn silhouettes_that_cross_other_edges_have_the_right_gradient_and_a_hessian_of_t
 #[test]
 fn the_farthest_corner_displaces_texture_and_finds_silhouettes() {
     let farthest = |s: &HemisphereSamples| s.triangulated(TriangleRadiance::Farthest);
-    let [open, shadowed] =
-        [(open(), T1), (t2(), T2)].map(|(probe, expected)| gradient_error(&mean(&probe, 96, 8, farthest), &expected));
+    let [open, shadowed] = [(open(), T1), (t2(), T2)]
+        .map(|(probe, expected)| gradient_error(&mean(&probe, 96, 8, farthest), &expected));
     assert!(open > 0.03 && open < 0.15, "T1 off by {open}");
     assert!(shadowed < 0.04, "T2 off by {shadowed}");
 }
 
 #[test]
 fn without_occlusion_the_hessian_of_patches_is_right_and_with_it_blind() {
-    let patches = |s: &HemisphereSamples| Derivatives { gradient: Default::default(), hessian: s.unoccluded_hessian() };
+    let patches = |s: &HemisphereSamples| Derivatives {
+        gradient: Default::default(),
+        hessian: s.unoccluded_hessian(),
+    };
     let got = mean(&open(), 96, 8, patches);
     let h = hessian_difference(&got, &T1) / norm(T1.1);
     assert!(h < 0.02, "T1 off by {h}: {got:?}");
@@ -175,7 +192,10 @@ fn derivatives_scale_with_length_and_radiance() {
                 assert!((a * l / s - b).abs() < 1e-3 * (l / s), "{length} {radiance}: {a} {b}");
             }
             for (a, b) in h.iter().zip(h1) {
-                assert!((a * l / (s * s) - b).abs() < 1e-3 * (l / (s * s)), "{length} {radiance}: {a} {b}");
+                assert!(
+                    (a * l / (s * s) - b).abs() < 1e-3 * (l / (s * s)),
+                    "{length} {radiance}: {a} {b}"
+                );
             }
         }
     }
@@ -204,10 +224,15 @@ fn derivatives_turn_with_the_frame() {
     assert!(hessian_difference(&turned, &straight) < 0.04, "{turned:?} {straight:?}");
 }
 
-/// A rectangle of radiance 1 in a black world must not depend on which side of it is the near one: this is what a wrong winding would break.
+/// A rectangle of radiance 1 in a black world must not depend on which side of it is the near one:
+/// this is what a wrong winding would break.
 #[test]
 fn the_gradient_points_to_the_light() {
-    let lamp = |min: [f32; 2], max: [f32; 2]| Rectangle { min: Vec2::from(min), max: Vec2::from(max), z: 1.0 };
+    let lamp = |min: [f32; 2], max: [f32; 2]| Rectangle {
+        min: Vec2::from(min),
+        max: Vec2::from(max),
+        z: 1.0,
+    };
     struct Bright(Rectangle);
     impl RadianceProbe for Bright {
         fn incoming(
@@ -229,15 +254,18 @@ fn the_gradient_points_to_the_light() {
         }
     }
     let at = SurfacePoint { position: Vec3::ZERO, ..receiver() };
-    for (min, max, towards) in [([0.5, -1.0], [1.5, 1.0], Vec2::X), ([-1.0, -1.5], [1.0, -0.5], Vec2::NEG_Y)] {
+    for (min, max, towards) in
+        [([0.5, -1.0], [1.5, 1.0], Vec2::X), ([-1.0, -1.5], [1.0, -0.5], Vec2::NEG_Y)]
+    {
         let (g, _) = values(&hybrid(&gathered(&Bright(lamp(min, max)), &at, 32, 3)));
         let direction = Vec2::new(g[0] as f32, g[1] as f32).normalize();
         assert!(direction.dot(towards) > 0.97, "{direction}");
     }
 }
 
-/// Share of the time of a 1024-ray gather that the derivatives from it take, at a hundred points that the camera of `scene` sees; both are the fastest of five runs. The cheapest gather: one bounce,
-/// so a shadow ray at each hit and nothing behind it.
+/// Share of the time of a 1024-ray gather that the derivatives from it take, at a hundred points
+/// that the camera of `scene` sees; both are the fastest of five runs. The cheapest gather: one
+/// bounce, so a shadow ray at each hit and nothing behind it.
 fn cost(scene: &Scene) -> f64 {
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: 1 });
     let points = seen(scene, &scene.cameras()[0], [10, 10], 0);

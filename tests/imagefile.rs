@@ -18,12 +18,19 @@ fn noise(n: u32) -> f32 {
     ((x ^ (x >> 15)) >> 8) as f32 / (1 << 24) as f32
 }
 
-fn plane(name: &str, kind: SampleKind, [width, height]: [u32; 2], f: impl Fn(u32, u32) -> f32) -> Channel {
-    let samples = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
+fn plane(
+    name: &str,
+    kind: SampleKind,
+    [width, height]: [u32; 2],
+    f: impl Fn(u32, u32) -> f32,
+) -> Channel {
+    let samples =
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
     Channel { name: name.to_owned(), kind, samples }
 }
 
-/// Smooth and noisy channels of every kind. Values of `Half` channels are halves, so that nothing is lost.
+/// Smooth and noisy channels of every kind. Values of `Half` channels are halves, so that nothing
+/// is lost.
 fn picture(width: u32, height: u32) -> Layers {
     let size = [width, height];
     let half = |x: f32| half::f16::from_f32(x).to_f32();
@@ -36,7 +43,9 @@ fn picture(width: u32, height: u32) -> Layers {
             plane("G", SampleKind::Half, size, |_, _| 0.5),
             plane("Z", SampleKind::Float, size, |x, y| (x as f32 + 0.3).hypot(y as f32)),
             plane("diffuse_indirect.R", SampleKind::Float, size, |x, y| 1e6 * noise(y * width + x)),
-            plane("diffuse_indirect.a_name_longer_than_short", SampleKind::Float, size, |x, _| -(x as f32)),
+            plane("diffuse_indirect.a_name_longer_than_short", SampleKind::Float, size, |x, _| {
+                -(x as f32)
+            }),
             plane("gi.records", SampleKind::Uint, size, |x, y| (x * 4099 + y) as f32),
         ],
         attributes: vec![
@@ -79,7 +88,11 @@ fn exr_files_read_back_exactly() {
             layers.crop = crop;
             for &encoder in ENCODERS {
                 exr::write_with(&path, &layers, encoder).unwrap();
-                assert_eq!(exr::read(&path).unwrap(), sorted(layers.clone()), "{encoder:?} {width} x {height}");
+                assert_eq!(
+                    exr::read(&path).unwrap(),
+                    sorted(layers.clone()),
+                    "{encoder:?} {width} x {height}"
+                );
             }
         }
     }
@@ -113,11 +126,16 @@ fn both_encoders_compress_alike() {
     for (noisiness, most) in [(0.0, 0.15), (0.02, 0.55)] {
         let channels = ["R", "G", "B"].map(|n| {
             plane(n, SampleKind::Half, size, |x, y| {
-                shade(x, y) * (1.0 + noisiness * (noise(y * 256 + x + u32::from(n.as_bytes()[0])) - 0.5))
+                shade(x, y)
+                    * (1.0 + noisiness * (noise(y * 256 + x + u32::from(n.as_bytes()[0])) - 0.5))
             })
         });
-        let layers = Layers { width: 256, height: 256, channels: channels.to_vec(), ..Layers::default() };
-        let sizes: Vec<f64> = ENCODERS.iter().map(|&e| written(&dir.path().join("a.exr"), &layers, e).len() as f64).collect();
+        let layers =
+            Layers { width: 256, height: 256, channels: channels.to_vec(), ..Layers::default() };
+        let sizes: Vec<f64> = ENCODERS
+            .iter()
+            .map(|&e| written(&dir.path().join("a.exr"), &layers, e).len() as f64)
+            .collect();
         assert!(sizes[0] / sizes[1] < 1.25 && sizes[1] / sizes[0] < 1.25, "{sizes:?}");
         assert!(sizes.iter().all(|s| *s < most * 256.0 * 256.0 * 6.0), "{sizes:?}");
     }
@@ -128,7 +146,12 @@ fn exr_errors_name_the_file() {
     let dir = tempfile::tempdir().unwrap();
     let missing = dir.path().join("missing/a.exr");
     for &encoder in ENCODERS {
-        assert!(exr::write_with(&missing, &picture(4, 4), encoder).unwrap_err().to_string().contains("missing/a.exr"));
+        assert!(
+            exr::write_with(&missing, &picture(4, 4), encoder)
+                .unwrap_err()
+                .to_string()
+                .contains("missing/a.exr")
+        );
         let bad = Layers { channels: vec![], ..picture(4, 4) };
         let path = dir.path().join("bad.exr");
         assert!(exr::write_with(&path, &bad, encoder).unwrap_err().to_string().contains("bad.exr"));
@@ -141,9 +164,20 @@ fn exr_errors_name_the_file() {
 fn claim(min: [i32; 2], max: [i32; 2], compression: u8, zeros: usize) -> Vec<u8> {
     let mut file = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
     let mut attribute = |name: &str, kind: &str, value: &[u8]| {
-        file.extend([name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &(value.len() as u32).to_le_bytes(), value].concat());
+        file.extend(
+            [
+                name.as_bytes(),
+                b"\0",
+                kind.as_bytes(),
+                b"\0",
+                &(value.len() as u32).to_le_bytes(),
+                value,
+            ]
+            .concat(),
+        );
     };
-    let window: Vec<u8> = [min[0], min[1], max[0], max[1]].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let window: Vec<u8> =
+        [min[0], min[1], max[0], max[1]].iter().flat_map(|v| v.to_le_bytes()).collect();
     attribute("channels", "chlist", b"R\0\x02\0\0\0\0\0\0\0\x01\0\0\0\x01\0\0\0\0");
     attribute("compression", "compression", &[compression]);
     attribute("dataWindow", "box2i", &window);
@@ -171,7 +205,10 @@ fn hostile_exr_headers_fail_at_once() {
         ] {
             let start = std::time::Instant::now();
             let error = exr::read_bytes(&claim(min, max, compression, 100)).unwrap_err();
-            assert!(!error.is_empty() && start.elapsed().as_secs_f64() < 2.0, "{compression} {max:?}: {error}");
+            assert!(
+                !error.is_empty() && start.elapsed().as_secs_f64() < 2.0,
+                "{compression} {max:?}: {error}"
+            );
         }
     }
     assert!(exr::read_bytes(&claim([0, 0], [big, big], 3, 0)).unwrap_err().contains("cannot hold"));
@@ -188,7 +225,9 @@ fn damaged_exr_files_never_panic() {
     for round in 0..2000u32 {
         let mut bad = good.clone();
         for i in 0..3 {
-            let place = (noise(round * 8 + i) * if round % 2 == 0 { 900.0 } else { good.len() as f32 }) as usize;
+            let place = (noise(round * 8 + i)
+                * if round % 2 == 0 { 900.0 } else { good.len() as f32 })
+                as usize;
             bad[place] = (256.0 * noise(round * 8 + 4 + i)) as u8;
         }
         let _ = exr::read_bytes(&bad);

@@ -10,7 +10,8 @@ use lumicache::render::{Clock, IntegratorKind, Settings, frame};
 use lumicache::scene::{Scene, SceneData};
 use std::path::Path;
 
-/// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of all pixels.
+/// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of
+/// all pixels.
 fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
     let size = [40, 40];
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
@@ -27,13 +28,20 @@ fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static s
         noise: 0.0,
         prepass_only: false,
     };
-    let frame = frame(scene, &settings, &Progress::default(), &mut Clock::default(), &mut |_, _| {}).unwrap();
+    let frame =
+        frame(scene, &settings, &Progress::default(), &mut Clock::default(), &mut |_, _| {})
+            .unwrap();
     let mean = |channels: Vec<Vec<f32>>| {
         let values = channels.iter().flatten();
         values.clone().map(|&v| f64::from(v)).sum::<f64>() / values.count() as f64
     };
-    let names = ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
-    names.map(|name| (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))).to_vec()
+    let names =
+        ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
+    names
+        .map(|name| {
+            (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))
+        })
+        .to_vec()
 }
 
 /// A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
@@ -52,7 +60,10 @@ fn assert_alike(data: SceneData) {
     let traced = parts(&scene, IntegratorKind::Path, 128);
     for ((name, cached), (_, traced)) in cached.iter().zip(&traced) {
         // Both means are good to about 1 %; the cache may be biased by another.
-        assert!((cached / traced - 1.0).abs() < 0.04, "{name}: {cached} with the cache, {traced} without");
+        assert!(
+            (cached / traced - 1.0).abs() < 0.04,
+            "{name}: {cached} with the cache, {traced} without"
+        );
     }
 }
 
@@ -63,7 +74,8 @@ fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
 
 #[test]
 fn so_does_the_light_of_a_sky_with_a_bright_spot() {
-    // The sky is seen through the open front; what light samples and directions of the surface find of it must add up to the whole.
+    // The sky is seen through the open front; what light samples and directions of the surface find
+    // of it must add up to the whole.
     let mut data = varnished_box();
     data.materials.iter_mut().for_each(|m| m.emission = Color::ZERO);
     let (width, height) = (16, 8);
@@ -71,7 +83,12 @@ fn so_does_the_light_of_a_sky_with_a_bright_spot() {
     for (column, row) in [(3, 3), (8, 4), (12, 3)] {
         pixels[row * width + column] = Color::splat(20.0);
     }
-    data.environment =
-        Some(EnvironmentMap { width: width as u32, height: height as u32, pixels, scale: 1.0, from_world: Affine3A::IDENTITY });
+    data.environment = Some(EnvironmentMap {
+        width: width as u32,
+        height: height as u32,
+        pixels,
+        scale: 1.0,
+        from_world: Affine3A::IDENTITY,
+    });
     assert_alike(data);
 }

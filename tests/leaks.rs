@@ -5,7 +5,8 @@ use crate::schemes::sectors;
 use lumicache::cache::Scheme;
 use lumicache::math::Color;
 
-/// Mean radiance of the left and of the right half of an image of `width` columns, the middle ones left out.
+/// Mean radiance of the left and of the right half of an image of `width` columns, the middle ones
+/// left out.
 fn halves(pixels: &[Color], width: usize) -> [f32; 2] {
     let mut sums = [0.0; 2];
     for row in pixels.chunks(width) {

@@ -1,4 +1,5 @@
-//! Light sampling: densities agree with samples, estimates with closed forms, and the tree beats choosing by power.
+//! Light sampling: densities agree with samples, estimates with closed forms, and the tree beats
+//! choosing by power.
 
 use lumicache::geometry::{Aabb, Geometry, Instance, TriangleMesh};
 use lumicache::light::{Emitter, EnvironmentMap, LightSample, LightSource, Lights, PunctualLight};
@@ -10,7 +11,8 @@ pub struct Rng(pub u64);
 
 impl Rng {
     pub fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let bits = (((self.0 >> 18) ^ self.0) >> 27) as u32;
         (bits.rotate_right((self.0 >> 59) as u32) >> 8) as f32 / 16_777_216.0
     }
@@ -41,7 +43,10 @@ fn geometry(triangles: &[[Vec3; 3]]) -> Geometry {
         indices: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
         ..TriangleMesh::default()
     };
-    Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] }
+    Geometry {
+        meshes: vec![Arc::new(mesh)],
+        instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }],
+    }
 }
 
 fn emitter(triangle: usize, radiance: Color, double_sided: bool) -> Emitter {
@@ -55,7 +60,9 @@ fn build(
     environment: Option<EnvironmentMap>,
 ) -> Lights {
     let geometry = geometry(triangles);
-    let emitters = (0..triangles.len()).map(|i| emitter(i, Vec3::splat(1.0 + (i % 3) as f32), double_sided)).collect();
+    let emitters = (0..triangles.len())
+        .map(|i| emitter(i, Vec3::splat(1.0 + (i % 3) as f32), double_sided))
+        .collect();
     let bounds = geometry.bounds().union(Aabb { min: Vec3::splat(-3.0), max: Vec3::splat(3.0) });
     Lights::build(&geometry, emitters, punctual, environment, bounds)
 }
@@ -87,18 +94,22 @@ fn uneven_map(height: u32) -> EnvironmentMap {
 /// The density of a sample as a BSDF sample in its direction would ask for it.
 fn pdf_of(lights: &Lights, p: Vec3, n: Option<Vec3>, s: &LightSample) -> f32 {
     match s.source {
-        LightSource::Triangle { instance, triangle, .. } => lights.pdf_triangle(p, n, instance, triangle, s.wi, s.distance),
+        LightSource::Triangle { instance, triangle, .. } => {
+            lights.pdf_triangle(p, n, instance, triangle, s.wi, s.distance)
+        }
         LightSource::Environment => lights.pdf_environment(p, n, s.wi),
         LightSource::Punctual(_) => s.pdf,
     }
 }
 
-/// Upper tail of the chi-square distribution by the Wilson-Hilferty cube root: the z value of a statistic.
+/// Upper tail of the chi-square distribution by the Wilson-Hilferty cube root: the z value of a
+/// statistic.
 fn chi2_z(statistic: f64, dof: f64) -> f64 {
     ((statistic / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt()
 }
 
-/// Compares counts with expectations, cells with an expectation below 5 pooled. Fails above z = 4.5: a false alarm in 300 000 tests.
+/// Compares counts with expectations, cells with an expectation below 5 pooled. Fails above z =
+/// 4.5: a false alarm in 300 000 tests.
 pub fn assert_chi2(observed: &[f64], expected: &[f64], what: &str) {
     let (mut statistic, mut dof, mut pooled) = (0.0, -1.0, (0.0, 0.0));
     for (&o, &e) in observed.iter().zip(expected) {
@@ -168,7 +179,8 @@ fn triangle_sampling_is_uniform_in_solid_angle() {
     let mut rng = Rng(1);
     for (index, shape) in shapes.iter().enumerate() {
         let lights = build(&[*shape], true, vec![], None);
-        // Cells of equal weights of the vertices; each must get samples in proportion to its own solid angle.
+        // Cells of equal weights of the vertices; each must get samples in proportion to its own
+        // solid angle.
         const CELLS: usize = 8;
         let mut observed = vec![0.0; CELLS * CELLS];
         let mut expected = vec![0.0; CELLS * CELLS];
@@ -192,7 +204,8 @@ fn triangle_sampling_is_uniform_in_solid_angle() {
         for i in 0..CELLS * fine {
             for j in 0..CELLS * fine - i {
                 // The small square, or its lower triangle on the diagonal.
-                let (offset, size) = if i + j + 1 == CELLS * fine { (1.0 / 3.0, 0.5) } else { (0.5, 1.0) };
+                let (offset, size) =
+                    if i + j + 1 == CELLS * fine { (1.0 / 3.0, 0.5) } else { (0.5, 1.0) };
                 let r = at((i as f64 + offset) * step, (j as f64 + offset) * step);
                 let angle = size * cross.dot(r).abs() / r.length().powi(3);
                 expected[i / fine * CELLS + j / fine] += angle;
@@ -214,7 +227,8 @@ fn environment_sampling_follows_its_density() {
         let (rings, sectors) = (24, 48);
         let cell = |d: Vec3| {
             let ring = ((1.0 - d.z) * 0.5 * rings as f32).min(rings as f32 - 1.0) as usize;
-            let sector = ((d.y.atan2(d.x) / PI + 1.0) * 0.5 * sectors as f32).min(sectors as f32 - 1.0) as usize;
+            let sector = ((d.y.atan2(d.x) / PI + 1.0) * 0.5 * sectors as f32)
+                .min(sectors as f32 - 1.0) as usize;
             ring * sectors + sector
         };
         let mut observed = vec![0.0; rings * sectors];
@@ -234,14 +248,19 @@ fn environment_sampling_follows_its_density() {
                 let r = (1.0 - z * z).sqrt();
                 let d = Vec3::new(r * phi.cos(), r * phi.sin(), z);
                 let pdf = lights.pdf_environment(Vec3::ZERO, None, d);
-                assert!(pdf > 0.0 || map.radiance(d).max_element() <= 0.0, "light that is never sampled, towards {d}");
-                let mass = f64::from(pdf) * 4.0 * std::f64::consts::PI / (rings * sectors * fine * fine) as f64;
+                assert!(
+                    pdf > 0.0 || map.radiance(d).max_element() <= 0.0,
+                    "light that is never sampled, towards {d}"
+                );
+                let mass = f64::from(pdf) * 4.0 * std::f64::consts::PI
+                    / (rings * sectors * fine * fine) as f64;
                 expected[i / fine * sectors + j / fine] += mass * f64::from(count);
                 total += mass;
             }
         }
         assert!((total - 1.0).abs() < 2e-3, "density integrates to {total}");
-        // The spot is as small as a pixel: where a cell of the comparison is not integrated finely, its error is far below the noise of the count.
+        // The spot is as small as a pixel: where a cell of the comparison is not integrated finely,
+        // its error is far below the noise of the count.
         assert_chi2(&observed, &expected, &format!("map of {height} rows"));
     }
 }
@@ -250,11 +269,21 @@ fn environment_sampling_follows_its_density() {
 fn sample_and_pdf_agree() {
     let mut rng = Rng(5);
     let triangles = random_triangles(&mut rng, 200, 0.3);
-    let sun = PunctualLight::Directional { direction: Vec3::new(0.0, -1.0, 0.0), irradiance: Vec3::ONE };
-    let lamp = PunctualLight::Point { position: Vec3::new(1.0, 0.0, 0.0), intensity: Vec3::ONE, range: f32::INFINITY };
+    let sun =
+        PunctualLight::Directional { direction: Vec3::new(0.0, -1.0, 0.0), irradiance: Vec3::ONE };
+    let lamp = PunctualLight::Point {
+        position: Vec3::new(1.0, 0.0, 0.0),
+        intensity: Vec3::ONE,
+        range: f32::INFINITY,
+    };
     for count in [1, 2, 12, 200] {
         for environment in [None, Some(EnvironmentMap::constant(Vec3::ONE)), Some(uneven_map(16))] {
-            let lights = build(&triangles[..count], count == 12, vec![sun.clone(), lamp.clone()], environment);
+            let lights = build(
+                &triangles[..count],
+                count == 12,
+                vec![sun.clone(), lamp.clone()],
+                environment,
+            );
             for _ in 0..3000 {
                 let p = rng.cube() * 3.0;
                 let n = (rng.next() < 0.7).then(|| rng.direction());
@@ -268,15 +297,26 @@ fn sample_and_pdf_agree() {
 }
 
 /// The probability that a choice falls on each triangle, from the densities towards their centres.
-fn selection(lights: &Lights, p: Vec3, n: Option<Vec3>, triangles: &[[Vec3; 3]], single: &[Lights]) -> f64 {
+fn selection(
+    lights: &Lights,
+    p: Vec3,
+    n: Option<Vec3>,
+    triangles: &[[Vec3; 3]],
+    single: &[Lights],
+) -> f64 {
     (0..triangles.len())
         .map(|i| {
             let [a, b, c] = triangles[i];
             let to = (a + b + c) / 3.0 - p;
             let (wi, distance) = (to.normalize(), to.length());
             let own = single[i].pdf_triangle(p, None, 0, 0, wi, distance);
-            // Towards a centre below the horizon the density is 0; a normal that sees it has no part in the choice without `n`.
-            if own > 0.0 { f64::from(lights.pdf_triangle(p, n, 0, i as u32, wi, distance) / own) } else { 0.0 }
+            // Towards a centre below the horizon the density is 0; a normal that sees it has no
+            // part in the choice without `n`.
+            if own > 0.0 {
+                f64::from(lights.pdf_triangle(p, n, 0, i as u32, wi, distance) / own)
+            } else {
+                0.0
+            }
         })
         .sum()
 }
@@ -311,7 +351,10 @@ fn every_light_that_reaches_a_surface_can_be_chosen() {
                 let faces = (corners[1] - corners[0]).cross(corners[2] - corners[0]).dot(to) < 0.0;
                 let lit = (double_sided || faces) && n.dot(to) > 1e-4;
                 let pdf = lights.pdf_triangle(p, Some(n), 0, i as u32, to.normalize(), to.length());
-                assert!(pdf.is_finite() && (pdf > 0.0 || !lit), "triangle {i} reaches {p}, {n} with density {pdf}");
+                assert!(
+                    pdf.is_finite() && (pdf > 0.0 || !lit),
+                    "triangle {i} reaches {p}, {n} with density {pdf}"
+                );
                 reached += u32::from(lit);
             }
         }
@@ -321,17 +364,25 @@ fn every_light_that_reaches_a_surface_can_be_chosen() {
 
 #[test]
 fn halves_of_a_lamp_are_chosen_by_their_irradiance() {
-    let [a, b, c, d] = [(-0.35, -0.3), (0.35, -0.3), (0.35, 0.3), (-0.35, 0.3)].map(|(x, z)| Vec3::new(x, 2.0, z));
+    let [a, b, c, d] =
+        [(-0.35, -0.3), (0.35, -0.3), (0.35, 0.3), (-0.35, 0.3)].map(|(x, z)| Vec3::new(x, 2.0, z));
     let triangles = [[a, b, c], [a, c, d]];
     let geometry = geometry(&triangles);
-    let lights =
-        Lights::build(&geometry, vec![emitter(0, Vec3::ONE, true), emitter(1, Vec3::ONE, true)], vec![], None, geometry.bounds());
+    let lights = Lights::build(
+        &geometry,
+        vec![emitter(0, Vec3::ONE, true), emitter(1, Vec3::ONE, true)],
+        vec![],
+        None,
+        geometry.bounds(),
+    );
     let mut rng = Rng(9);
     for _ in 0..300 {
         let p = Vec3::new(2.0 * rng.next() - 1.0, 1.6 * rng.next(), 2.0 * rng.next() - 1.0);
         let [first, second] = [0, 1].map(|i| lights.emitter(0, i).unwrap().irradiance(p, Vec3::Y));
         let chosen = (0..1000).filter(|i| {
-            let s = lights.sample(p, Some(Vec3::Y), (*i as f32 + 0.5) / 1000.0, Vec2::splat(0.5)).unwrap();
+            let s = lights
+                .sample(p, Some(Vec3::Y), (*i as f32 + 0.5) / 1000.0, Vec2::splat(0.5))
+                .unwrap();
             matches!(s.source, LightSource::Triangle { triangle: 0, .. })
         });
         let (share, expected) = (chosen.count() as f32 / 1000.0, first / (first + second));
@@ -352,15 +403,19 @@ fn irradiance_of_triangles_is_the_closed_form() {
                 let (mut mean, mut stratified) = (Mean::new(), Mean::new());
                 for i in 0..20_000 {
                     let sample = lights.sample(p, with_normal.then_some(n), rng.next(), rng.vec2());
-                    let value = |s: &LightSample| f64::from(s.radiance.x * s.wi.dot(n).max(0.0) / s.pdf);
+                    let value =
+                        |s: &LightSample| f64::from(s.radiance.x * s.wi.dot(n).max(0.0) / s.pdf);
                     mean.add(sample.as_ref().map_or(0.0, value));
                     if i % 10 == 0 {
                         let mut sum = 0.0;
-                        lights.stratified(p, with_normal.then_some(n), 7, i, &mut |s| sum += value(&s));
+                        lights.stratified(p, with_normal.then_some(n), 7, i, &mut |s| {
+                            sum += value(&s)
+                        });
                         stratified.add(sum / 7.0);
                     }
                 }
-                let what = format!("{count} triangles, double sided {double_sided}, normal {with_normal}");
+                let what =
+                    format!("{count} triangles, double sided {double_sided}, normal {with_normal}");
                 assert_mean(&mean, expected, &what);
                 assert_mean(&stratified, expected, &format!("{what}, stratified"));
             }
@@ -371,7 +426,10 @@ fn irradiance_of_triangles_is_the_closed_form() {
 #[test]
 fn constant_environment_gives_pi_times_its_radiance() {
     let lights = build(&[], true, vec![], Some(EnvironmentMap::constant(Vec3::new(0.2, 0.5, 1.0))));
-    assert!(!lights.is_empty() && (lights.environment(Vec3::X) - Vec3::new(0.2, 0.5, 1.0)).length() < 1e-6);
+    assert!(
+        !lights.is_empty()
+            && (lights.environment(Vec3::X) - Vec3::new(0.2, 0.5, 1.0)).length() < 1e-6
+    );
     let mut rng = Rng(13);
     let n = rng.direction();
     for _ in 0..100 {
@@ -392,21 +450,32 @@ fn constant_environment_gives_pi_times_its_radiance() {
 fn mixed_lights_add_up() {
     let mut rng = Rng(17);
     let triangles = random_triangles(&mut rng, 3, 0.8);
-    let sun = PunctualLight::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(2.0) };
-    let lamp = PunctualLight::Point { position: Vec3::new(1.0, 2.5, 0.5), intensity: Vec3::splat(3.0), range: 20.0 };
-    let lights = build(&triangles, true, vec![sun, lamp], Some(EnvironmentMap::constant(Vec3::splat(0.3))));
+    let sun = PunctualLight::Directional {
+        direction: Vec3::new(0.6, -0.8, 0.0),
+        irradiance: Vec3::splat(2.0),
+    };
+    let lamp = PunctualLight::Point {
+        position: Vec3::new(1.0, 2.5, 0.5),
+        intensity: Vec3::splat(3.0),
+        range: 20.0,
+    };
+    let lights =
+        build(&triangles, true, vec![sun, lamp], Some(EnvironmentMap::constant(Vec3::splat(0.3))));
     let p = Vec3::new(0.3, -0.2, 0.1);
     let to_lamp = Vec3::new(1.0, 2.5, 0.5) - p;
     for n in [Vec3::Y, Vec3::new(-0.6, 0.8, 0.0), Vec3::NEG_Y] {
         let lamp =
-            3.0 * (1.0 - (to_lamp.length() / 20.0).powi(4)) * n.dot(to_lamp.normalize()).max(0.0) / to_lamp.length_squared();
+            3.0 * (1.0 - (to_lamp.length() / 20.0).powi(4)) * n.dot(to_lamp.normalize()).max(0.0)
+                / to_lamp.length_squared();
         let sun = 2.0 * n.dot(Vec3::new(-0.6, 0.8, 0.0)).max(0.0);
         let expected = f64::from(lights.unoccluded_irradiance(p, n).x + 0.3 * PI + lamp + sun);
         for receiver in [None, Some(n)] {
             let mut mean = Mean::new();
             for seed in 0..4000 {
                 let mut sum = 0.0;
-                lights.stratified(p, receiver, 5, seed, &mut |s| sum += f64::from(s.radiance.x * s.wi.dot(n).max(0.0) / s.pdf));
+                lights.stratified(p, receiver, 5, seed, &mut |s| {
+                    sum += f64::from(s.radiance.x * s.wi.dot(n).max(0.0) / s.pdf)
+                });
                 mean.add(sum / 5.0);
             }
             assert_mean(&mean, expected, "environment, sun, lamp and triangles");
@@ -417,7 +486,12 @@ fn mixed_lights_add_up() {
 #[test]
 fn map_is_seen_where_it_should_be() {
     // Middle column towards +X, +Z a quarter of the width to its right, +Y at the top.
-    let mut map = EnvironmentMap { pixels: vec![Vec3::ZERO; 8 * 9], width: 8, height: 9, ..EnvironmentMap::constant(Vec3::ZERO) };
+    let mut map = EnvironmentMap {
+        pixels: vec![Vec3::ZERO; 8 * 9],
+        width: 8,
+        height: 9,
+        ..EnvironmentMap::constant(Vec3::ZERO)
+    };
     map.pixels[4 * 8 + 4] = Vec3::X;
     map.pixels[4 * 8 + 6] = Vec3::Y;
     map.pixels[..8].fill(Vec3::Z);
@@ -426,8 +500,13 @@ fn map_is_seen_where_it_should_be() {
         map.radiance(Vec3::new(phi.cos(), 0.0, phi.sin()))
     };
     assert!((at(4.0) - Vec3::X).length() < 1e-5 && (at(6.0) - Vec3::Y).length() < 1e-5);
-    assert!((map.radiance(Vec3::X) - 0.5 * Vec3::X).length() < 1e-5 && (map.radiance(Vec3::Z) - 0.5 * Vec3::Y).length() < 1e-5);
-    assert!((map.radiance(Vec3::Y) - Vec3::Z).length() < 1e-5 && map.radiance(-Vec3::Y).length() < 1e-5);
+    assert!(
+        (map.radiance(Vec3::X) - 0.5 * Vec3::X).length() < 1e-5
+            && (map.radiance(Vec3::Z) - 0.5 * Vec3::Y).length() < 1e-5
+    );
+    assert!(
+        (map.radiance(Vec3::Y) - Vec3::Z).length() < 1e-5 && map.radiance(-Vec3::Y).length() < 1e-5
+    );
 }
 
 #[test]
@@ -435,7 +514,13 @@ fn mirrored_instance_emits_from_its_front_and_names_its_own_vertices() {
     let triangle = [Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.0, 1.0, 2.0), Vec3::new(1.0, 0.0, 2.0)];
     let mut geometry = geometry(&[triangle]);
     geometry.instances[0].to_world = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
-    let lights = Lights::build(&geometry, vec![emitter(0, Vec3::ONE, false)], vec![], None, geometry.bounds());
+    let lights = Lights::build(
+        &geometry,
+        vec![emitter(0, Vec3::ONE, false)],
+        vec![],
+        None,
+        geometry.bounds(),
+    );
     let mut rng = Rng(19);
     // The front of the mesh's triangle faces -Z, and mirroring along X keeps it so.
     assert!(lights.sample(Vec3::new(0.0, 0.0, 4.0), None, 0.5, rng.vec2()).is_none());
@@ -453,12 +538,15 @@ fn useless_lights_are_never_chosen() {
     let flat = [Vec3::Z, Vec3::Z + Vec3::X, Vec3::Z + 2.0 * Vec3::X];
     let geometry = geometry(&[flat, good, [Vec3::Z; 3], good, good]);
     let radiance = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::ZERO, Vec3::NAN];
-    let mut emitters: Vec<_> = radiance.iter().enumerate().map(|(i, &l)| emitter(i, l, true)).collect();
+    let mut emitters: Vec<_> =
+        radiance.iter().enumerate().map(|(i, &l)| emitter(i, l, true)).collect();
     emitters.push(Emitter { instance: 9, ..emitters[0] });
     emitters.push(Emitter { triangle: 99, ..emitters[0] });
-    let dark = PunctualLight::Point { position: Vec3::ONE, intensity: Vec3::ZERO, range: f32::INFINITY };
+    let dark =
+        PunctualLight::Point { position: Vec3::ONE, intensity: Vec3::ZERO, range: f32::INFINITY };
     let broken = EnvironmentMap { width: 3, ..EnvironmentMap::constant(Vec3::ONE) };
-    let lights = Lights::build(&geometry, emitters, vec![dark.clone()], Some(broken), geometry.bounds());
+    let lights =
+        Lights::build(&geometry, emitters, vec![dark.clone()], Some(broken), geometry.bounds());
     let mut rng = Rng(23);
     let mut found = 0;
     for _ in 0..1000 {
@@ -471,8 +559,18 @@ fn useless_lights_are_never_chosen() {
     assert_eq!((found, lights.emitter_count()), (1000, 1));
     assert_eq!(lights.pdf_triangle(Vec3::ZERO, None, 0, 0, Vec3::Z, 1.0), 0.0);
     assert_eq!(lights.pdf_triangle(Vec3::ZERO, None, 7, 7, Vec3::Z, 1.0), 0.0);
-    let none = Lights::build(&geometry, vec![], vec![dark], Some(EnvironmentMap::constant(Vec3::ZERO)), geometry.bounds());
-    assert!(none.is_empty() && none.power() == Vec3::ZERO && none.sample(Vec3::ZERO, None, 0.3, Vec2::ZERO).is_none());
+    let none = Lights::build(
+        &geometry,
+        vec![],
+        vec![dark],
+        Some(EnvironmentMap::constant(Vec3::ZERO)),
+        geometry.bounds(),
+    );
+    assert!(
+        none.is_empty()
+            && none.power() == Vec3::ZERO
+            && none.sample(Vec3::ZERO, None, 0.3, Vec2::ZERO).is_none()
+    );
 }
 
 #[test]
@@ -502,7 +600,11 @@ fn no_ray_that_meets_an_emitter_is_said_to_meet_none() {
     let mut rng = Rng(8);
     let mut triangles = random_triangles(&mut rng, 40, 0.2);
     // One in a plane of the axes, which has no thickness.
-    triangles.push([Vec3::new(-0.3, 1.5, -0.3), Vec3::new(0.3, 1.5, -0.3), Vec3::new(0.0, 1.5, 0.3)]);
+    triangles.push([
+        Vec3::new(-0.3, 1.5, -0.3),
+        Vec3::new(0.3, 1.5, -0.3),
+        Vec3::new(0.0, 1.5, 0.3),
+    ]);
     let lights = build(&triangles, true, Vec::new(), None);
     let point = |rng: &mut Rng| Vec3::from_array(std::array::from_fn(|_| 6.0 * rng.next() - 3.0));
     let mut spared = 0;
@@ -527,8 +629,9 @@ fn tree_beats_choice_by_power() {
     let triangles = hall();
     let geometry = geometry(&triangles);
     let mut rng = Rng(31);
-    let emitters: Vec<_> =
-        (0..triangles.len()).map(|i| emitter(i, Vec3::splat(1.0 + 4.0 * (i as f32 * 0.37).sin().abs()), false)).collect();
+    let emitters: Vec<_> = (0..triangles.len())
+        .map(|i| emitter(i, Vec3::splat(1.0 + 4.0 * (i as f32 * 0.37).sin().abs()), false))
+        .collect();
     let power: Vec<f64> = emitters
         .iter()
         .scan(0.0, |sum, e| {
@@ -536,8 +639,11 @@ fn tree_beats_choice_by_power() {
             Some(*sum)
         })
         .collect();
-    let single: Vec<_> =
-        emitters.iter().map(|e| Lights::build(&geometry, vec![*e], vec![], None, geometry.bounds())).step_by(10_000).collect();
+    let single: Vec<_> = emitters
+        .iter()
+        .map(|e| Lights::build(&geometry, vec![*e], vec![], None, geometry.bounds()))
+        .step_by(10_000)
+        .collect();
     drop(single);
     let lights = Lights::build(&geometry, emitters.clone(), vec![], None, geometry.bounds());
     assert_eq!(lights.emitter_count(), 10_000);
@@ -578,7 +684,10 @@ fn tree_beats_choice_by_power() {
 fn equal_input_gives_equal_bits() {
     let mut rng = Rng(37);
     let triangles = random_triangles(&mut rng, 500, 0.3);
-    let (a, b) = (build(&triangles, false, vec![], Some(uneven_map(16))), build(&triangles, false, vec![], Some(uneven_map(16))));
+    let (a, b) = (
+        build(&triangles, false, vec![], Some(uneven_map(16))),
+        build(&triangles, false, vec![], Some(uneven_map(16))),
+    );
     for seed in 0..200 {
         let (p, n) = (rng.cube(), rng.direction());
         let collect = |lights: &Lights| {

@@ -1,4 +1,5 @@
-//! Files that must fail, cleanly: one error that names the file and the place, no panic, no hang, bounded memory.
+//! Files that must fail, cleanly: one error that names the file and the place, no panic, no hang,
+//! bounded memory.
 
 use crate::conformance::gltf_files;
 use crate::gltf_maker::{Gltf, floats, shorts};
@@ -8,7 +9,8 @@ use lumicache::import::{ImportOptions, gltf};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What the import says, checked for what every error owes its reader: the file's name, and a single line.
+/// What the import says, checked for what every error owes its reader: the file's name, and a
+/// single line.
 fn import(file: &Path) -> Result<Vec<String>, String> {
     match gltf(file, &ImportOptions::default()) {
         Ok(scene) => Ok(scene.warnings),
@@ -21,14 +23,16 @@ fn import(file: &Path) -> Result<Vec<String>, String> {
     }
 }
 
-/// The places (JSON paths) of the errors in a validator's report, or `None` where the report has none.
+/// The places (JSON paths) of the errors in a validator's report, or `None` where the report has
+/// none.
 fn reported(report: &Path) -> Option<Vec<String>> {
     let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
     let issues = &report["issues"];
     if issues["numErrors"] == json!(0) {
         return None;
     }
-    let errors = issues["messages"].as_array().unwrap().iter().filter(|m| m["severity"] == json!(0));
+    let errors =
+        issues["messages"].as_array().unwrap().iter().filter(|m| m["severity"] == json!(0));
     Some(errors.map(|m| m["pointer"].as_str().unwrap_or("").to_owned()).collect())
 }
 
@@ -46,12 +50,17 @@ fn the_validator_s_verdict_is_ours() {
             (Err(text), Some(places)) => {
                 // Our place is the validator's, or the object around it or a value in it.
                 let (_, rest) = text.split_once(": ").unwrap();
-                let ours = if rest.starts_with('/') { rest.split(": ").next().unwrap() } else { "" };
-                let near = |theirs: &String| ours.starts_with(theirs.trim_end_matches('/')) || theirs.starts_with(ours);
+                let ours =
+                    if rest.starts_with('/') { rest.split(": ").next().unwrap() } else { "" };
+                let near = |theirs: &String| {
+                    ours.starts_with(theirs.trim_end_matches('/')) || theirs.starts_with(ours)
+                };
                 assert!(places.iter().any(near), "{text} but the validator: {places:?}");
                 bad += 1;
             }
-            (Ok(_), Some(places)) => panic!("{} was accepted; the validator: {places:?}", file.display()),
+            (Ok(_), Some(places)) => {
+                panic!("{} was accepted; the validator: {places:?}", file.display())
+            }
             (Err(text), None) => panic!("{text}, which the validator accepts"),
         }
     }
@@ -62,7 +71,10 @@ fn the_validator_s_verdict_is_ours() {
 fn files_that_broke_another_importer_are_refused_or_load() {
     let Some(folder) = testdata::find("scenes/malformed/assimp") else { return };
     for (file, says) in [
-        ("BoxWithInfinites-glTF-Binary/BoxWithInfinites.glb", "/accessors/2: component 0 of element 0 is -inf"),
+        (
+            "BoxWithInfinites-glTF-Binary/BoxWithInfinites.glb",
+            "/accessors/2: component 0 of element 0 is -inf",
+        ),
         ("IncorrectVertexArrays/Cube.gltf", "/bufferViews/2"),
         ("IndexOutOfRange/AllIndicesOutOfRange.gltf", "/accessors/0"),
         ("IndexOutOfRange/IndexOutOfRange.gltf", "/accessors/0: element 0 is the vertex 255"),
@@ -80,9 +92,11 @@ fn files_that_broke_another_importer_are_refused_or_load() {
         let text = import(&folder.join(file)).expect_err(file);
         assert!(text.contains(says), "{text}");
     }
-    for file in
-        ["BoxBadNormals-glTF-Binary/BoxBadNormals.glb", "TestNoRootNode/SceneWithoutNodes.gltf", "issue_3269/texcoord_crash.gltf"]
-    {
+    for file in [
+        "BoxBadNormals-glTF-Binary/BoxBadNormals.glb",
+        "TestNoRootNode/SceneWithoutNodes.gltf",
+        "issue_3269/texcoord_crash.gltf",
+    ] {
         import(&folder.join(file)).unwrap();
     }
 }
@@ -91,13 +105,17 @@ fn files_that_broke_another_importer_are_refused_or_load() {
 fn our_own_corpus_fails_as_expected() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
     let expected = std::fs::read_to_string(folder.join("expected.tsv")).unwrap();
-    let expected: Vec<(&str, &str)> = expected.lines().filter_map(|line| line.split_once('\t')).collect();
+    let expected: Vec<(&str, &str)> =
+        expected.lines().filter_map(|line| line.split_once('\t')).collect();
     let files = gltf_files(&folder);
     assert_eq!(files.len(), expected.len());
     for (name, says) in expected {
         match (import(&folder.join(name)), says.strip_prefix("loads with: ")) {
             (Ok(warnings), Some(warning)) => {
-                assert!(warning.is_empty() || warnings.iter().any(|w| w.contains(warning)), "{name}: {warnings:?}");
+                assert!(
+                    warning.is_empty() || warnings.iter().any(|w| w.contains(warning)),
+                    "{name}: {warnings:?}"
+                );
             }
             (Err(text), None) => assert!(text.contains(says), "{text}\nshould say {says}"),
             (Ok(_), None) => panic!("{name} was accepted"),
@@ -141,7 +159,8 @@ fn small_files_cannot_multiply_without_bound() {
     // A thousand nodes with a million instances each.
     let mut file = Gltf::new();
     let mesh = crate::gltf_maker::triangle(&mut file);
-    let offsets = file.add("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000}));
+    let offsets =
+        file.add("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000}));
     for _ in 0..1000 {
         file.node(json!({"mesh": mesh, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": offsets}}}}));
     }
@@ -152,7 +171,10 @@ fn small_files_cannot_multiply_without_bound() {
     let mut file = Gltf::new();
     let view = file.view(&vec![0; 1 << 20], None);
     for _ in 0..20_000 {
-        file.add("accessors", json!({"bufferView": view, "componentType": 5121, "type": "SCALAR", "count": 1 << 20}));
+        file.add(
+            "accessors",
+            json!({"bufferView": view, "componentType": 5121, "type": "SCALAR", "count": 1 << 20}),
+        );
     }
     let text = file.try_load(&ImportOptions::default()).unwrap_err().to_string();
     assert!(text.contains("a file of this size cannot sensibly ask for so much"), "{text}");
@@ -163,10 +185,25 @@ fn everything() -> Gltf {
     let mut file = Gltf::new();
     let position = file.positions(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
     let delta = file.positions(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
-    let normal = file.accessor(&[0, 0, 127, 0].repeat(4), 5120, "VEC3", 4, json!({"normalized": true}), Some(4));
-    let uv = file.accessor(&shorts(&[0, 0, 1, 0, 0, 1, 1, 1]), 5123, "VEC2", 4, json!({"min": [0, 0], "max": [1, 1]}), None);
+    let normal = file.accessor(
+        &[0, 0, 127, 0].repeat(4),
+        5120,
+        "VEC3",
+        4,
+        json!({"normalized": true}),
+        Some(4),
+    );
+    let uv = file.accessor(
+        &shorts(&[0, 0, 1, 0, 0, 1, 1, 1]),
+        5123,
+        "VEC2",
+        4,
+        json!({"min": [0, 0], "max": [1, 1]}),
+        None,
+    );
     let joints = file.accessor(&[0; 16], 5121, "VEC4", 4, json!({}), None);
-    let weights = file.accessor(&floats(&[1.0, 0.0, 0.0, 0.0].repeat(4)), 5126, "VEC4", 4, json!({}), None);
+    let weights =
+        file.accessor(&floats(&[1.0, 0.0, 0.0, 0.0].repeat(4)), 5126, "VEC4", 4, json!({}), None);
     let indices = file.accessor(&shorts(&[0, 1, 2, 2, 1, 3]), 5123, "SCALAR", 6, json!({}), None);
     let (places, values) = (file.view(&[1], None), file.view(&floats(&[2.0, 0.0, 0.0]), None));
     let sparse = json!({"count": 1, "indices": {"bufferView": places, "byteOffset": 0, "componentType": 5121},
@@ -175,10 +212,12 @@ fn everything() -> Gltf {
         "accessors",
         json!({"componentType": 5126, "type": "VEC3", "count": 4, "bufferView": 0, "byteOffset": 0, "sparse": sparse}),
     );
-    let pixel =
-        "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVQYV2P4z/AfAAQAAf+I0P3MAAAAAElFTkSuQmCC";
+    let pixel = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVQYV2P4z/AfAAQAAf+I0P3MAAAAAElFTkSuQmCC";
     file.add("images", json!({"uri": pixel, "name": "pixel"}));
-    file.add("samplers", json!({"magFilter": 9728, "minFilter": 9987, "wrapS": 33071, "wrapT": 10497}));
+    file.add(
+        "samplers",
+        json!({"magFilter": 9728, "minFilter": 9987, "wrapS": 33071, "wrapT": 10497}),
+    );
     file.add("textures", json!({"source": 0, "sampler": 0}));
     let transform = json!({"KHR_texture_transform": {"offset": [0, 0], "rotation": 1, "scale": [1, 1], "texCoord": 0}});
     file.add(
@@ -194,25 +233,32 @@ fn everything() -> Gltf {
         }),
     );
     let attributes = json!({"POSITION": position, "NORMAL": normal, "TEXCOORD_0": uv, "JOINTS_0": joints, "WEIGHTS_0": weights});
-    let primitive =
-        json!({"attributes": attributes, "indices": indices, "material": 0, "mode": 4, "targets": [{"POSITION": delta}]});
+    let primitive = json!({"attributes": attributes, "indices": indices, "material": 0, "mode": 4, "targets": [{"POSITION": delta}]});
     file.add("meshes", json!({"primitives": [primitive], "weights": [0.5]}));
     file.add("meshes", json!({"primitives": [{"attributes": {"POSITION": moved}, "mode": 5}]}));
     let lens = json!({"yfov": 1, "znear": 0.1, "zfar": 10, "aspectRatio": 1});
     file.add("cameras", json!({"type": "perspective", "perspective": lens}));
-    file.extension("KHR_lights_punctual", json!({"lights": [{"type": "spot", "intensity": 1, "spot": {"outerConeAngle": 0.5}}]}));
+    file.extension(
+        "KHR_lights_punctual",
+        json!({"lights": [{"type": "spot", "intensity": 1, "spot": {"outerConeAngle": 0.5}}]}),
+    );
     let offsets = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": position}}});
     file.add("skins", json!({"joints": [0], "skeleton": 0}));
     file.node(json!({"mesh": 0, "skin": 0, "weights": [0.25]}));
-    file.node(json!({"mesh": 1, "extensions": offsets, "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}));
+    file.node(
+        json!({"mesh": 1, "extensions": offsets, "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}),
+    );
     file.node(json!({"camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 0, 5]}));
-    file.node(json!({"children": [1, 2], "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}));
+    file.node(
+        json!({"children": [1, 2], "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}),
+    );
     file.scene(&[0, 3]);
     file.set("scene", json!(0));
     file
 }
 
-/// Writes a new file in place of an old one; overwriting would make some file systems flush to the disk each time.
+/// Writes a new file in place of an old one; overwriting would make some file systems flush to the
+/// disk each time.
 fn replace(path: &Path, bytes: &[u8]) {
     if path.exists() {
         std::fs::remove_file(path).unwrap();
@@ -220,11 +266,14 @@ fn replace(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Calls `visit` with the document in which one value after another is replaced by each of `values`, or removed.
+/// Calls `visit` with the document in which one value after another is replaced by each of
+/// `values`, or removed.
 fn mutate(document: &Value, values: &[Value], visit: &mut dyn FnMut(Value)) {
     fn paths(value: &Value, path: String, all: &mut Vec<String>) {
         let children: Vec<(String, &Value)> = match value {
-            Value::Array(array) => array.iter().enumerate().map(|(i, v)| (i.to_string(), v)).collect(),
+            Value::Array(array) => {
+                array.iter().enumerate().map(|(i, v)| (i.to_string(), v)).collect()
+            }
             Value::Object(object) => object.iter().map(|(k, v)| (k.clone(), v)).collect(),
             _ => Vec::new(),
         };

@@ -40,8 +40,14 @@ pub fn build(data: SceneData) -> Scene {
     Scene::new(data, Backend::default()).unwrap().0
 }
 
-/// The scene's first camera, `width` x `height` pixels, `spp` samples, no bound on paths, the default preset.
-pub fn settings(scene: &Scene, integrator: IntegratorKind, [width, height]: [u32; 2], spp: u32) -> Settings {
+/// The scene's first camera, `width` x `height` pixels, `spp` samples, no bound on paths, the
+/// default preset.
+pub fn settings(
+    scene: &Scene,
+    integrator: IntegratorKind,
+    [width, height]: [u32; 2],
+    spp: u32,
+) -> Settings {
     Settings {
         integrator,
         scheme: scheme("auto"),
@@ -66,7 +72,8 @@ pub fn render(scene: &Scene, settings: &Settings) -> Frame {
     frame(scene, settings, &Progress::default(), &mut Clock::default(), &mut |_, _| ()).unwrap()
 }
 
-/// The surface points at the first sample of each pixel, from which [`frame`] fills the first level, row by row.
+/// The surface points at the first sample of each pixel, from which [`frame`] fills the first
+/// level, row by row.
 pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<SurfacePoint> {
     let tracer = PathTracer { scene, max_bounces: u32::MAX };
     (0..size[0] * size[1])
@@ -79,7 +86,8 @@ pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<Su
         .collect()
 }
 
-/// A cache of which only the first level is filled, at `points` in rounds of `round` (0: growing ones).
+/// A cache of which only the first level is filled, at `points` in rounds of `round` (0: growing
+/// ones).
 pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, FillStats) {
     let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene.size());
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX });
@@ -87,15 +95,24 @@ pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, Fill
     (cache, stats)
 }
 
-/// The beauty of a frame. Alpha is 0 where it shows a lamp or the background: the edges of a lamp would be most of any error.
+/// The beauty of a frame. Alpha is 0 where it shows a lamp or the background: the edges of a lamp
+/// would be most of any error.
 pub fn beauty(frame: &Frame) -> Layers {
     let [width, height] = frame.film.window_size();
     let pixels = frame.film.radiance();
-    let channel = |name: &str, samples| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };
+    let channel =
+        |name: &str, samples| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };
     let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
     let emission = &frame.film.channels(LAYERS.iter().find(|l| l.name == "emission").unwrap());
-    let alpha = (0..pixels.len()).map(|p| if emission.iter().all(|c| c[p] == 0.0) { 1.0 } else { 0.0 }).collect();
-    let channels = vec![channel("R", color(0)), channel("G", color(1)), channel("B", color(2)), channel("A", alpha)];
+    let alpha = (0..pixels.len())
+        .map(|p| if emission.iter().all(|c| c[p] == 0.0) { 1.0 } else { 0.0 })
+        .collect();
+    let channels = vec![
+        channel("R", color(0)),
+        channel("G", color(1)),
+        channel("B", color(2)),
+        channel("A", alpha),
+    ];
     Layers { width, height, channels, ..Layers::default() }
 }
 
@@ -103,7 +120,9 @@ pub fn beauty(frame: &Frame) -> Layers {
 pub fn window(layers: &Layers, [x0, y0, x1, y1]: [u32; 4]) -> Layers {
     let cut = |c: &Channel| Channel {
         samples: (y0..y1)
-            .flat_map(|y| &c.samples[(y * layers.width + x0) as usize..(y * layers.width + x1) as usize])
+            .flat_map(|y| {
+                &c.samples[(y * layers.width + x0) as usize..(y * layers.width + x1) as usize]
+            })
             .copied()
             .collect(),
         ..c.clone()
@@ -112,16 +131,30 @@ pub fn window(layers: &Layers, [x0, y0, x1, y1]: [u32; 4]) -> Layers {
     Layers { width: x1 - x0, height: y1 - y0, channels, ..Layers::default() }
 }
 
-/// Means over squares of `side` pixels; what is left over at the right and at the bottom is dropped. Alpha 0 spreads over its square.
+/// Means over squares of `side` pixels; what is left over at the right and at the bottom is
+/// dropped. Alpha 0 spreads over its square.
 pub fn blocks(layers: &Layers, side: u32) -> Layers {
     let (width, height) = (layers.width / side, layers.height / side);
     let square = |c: &Channel, b: u32| {
-        let pixels = (0..side * side).map(|k| (b / width * side + k / side) * layers.width + b % width * side + k % side);
+        let pixels = (0..side * side)
+            .map(|k| (b / width * side + k / side) * layers.width + b % width * side + k % side);
         let samples = pixels.map(|p| c.samples[p as usize]);
-        if c.name == "A" { samples.fold(1.0, f32::min) } else { samples.sum::<f32>() / (side * side) as f32 }
+        if c.name == "A" {
+            samples.fold(1.0, f32::min)
+        } else {
+            samples.sum::<f32>() / (side * side) as f32
+        }
     };
-    let mean = |c: &Channel| Channel { samples: (0..width * height).map(|b| square(c, b)).collect(), ..c.clone() };
-    Layers { width, height, channels: layers.channels.iter().map(mean).collect(), ..Layers::default() }
+    let mean = |c: &Channel| Channel {
+        samples: (0..width * height).map(|b| square(c, b)).collect(),
+        ..c.clone()
+    };
+    Layers {
+        width,
+        height,
+        channels: layers.channels.iter().map(mean).collect(),
+        ..Layers::default()
+    }
 }
 
 /// How far `image` is from `reference`.
@@ -129,13 +162,23 @@ pub fn difference(image: &Layers, reference: &Layers) -> Report {
     compare(image, reference, &Options::default()).unwrap()
 }
 
-/// Fails, leaving the image, the reference and their difference as files, unless relMSE less `noise`, the reference's own, is at most `relmse` and the
-/// means differ by no more than the share `mean`.
-pub fn assert_alike(name: &str, image: &Layers, reference: &Layers, noise: f64, relmse: f64, mean: f64) {
+/// Fails, leaving the image, the reference and their difference as files, unless relMSE less
+/// `noise`, the reference's own, is at most `relmse` and the means differ by no more than the share
+/// `mean`.
+pub fn assert_alike(
+    name: &str,
+    image: &Layers,
+    reference: &Layers,
+    noise: f64,
+    relmse: f64,
+    mean: f64,
+) {
     let report = difference(image, reference);
     let ratio = report.mean_ratio.unwrap();
-    let measured =
-        format!("{name}: relmse {:.3e} (at most {relmse:.1e}), mean ratio {ratio:.5} (1 ± {mean})", report.relmse - noise);
+    let measured = format!(
+        "{name}: relmse {:.3e} (at most {relmse:.1e}), mean ratio {ratio:.5} (1 ± {mean})",
+        report.relmse - noise
+    );
     if report.relmse - noise <= relmse && (ratio - 1.0).abs() <= mean {
         return eprintln!("{measured}");
     }
@@ -153,7 +196,8 @@ pub fn assert_alike(name: &str, image: &Layers, reference: &Layers, noise: f64, 
             let path = folder.join(format!("{stem}-{kind}.exr"));
             // Attributes of a file that was read may be those that every file has.
             let pixels = Layers { attributes: Vec::new(), crop: None, ..(*layers).clone() };
-            exr::write(&path, &pixels).map_or_else(|e| e.to_string(), |()| path.display().to_string())
+            exr::write(&path, &pixels)
+                .map_or_else(|e| e.to_string(), |()| path.display().to_string())
         })
         .collect();
     panic!("{measured}\nsee {}", files.join("\n    "));

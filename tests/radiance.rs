@@ -1,7 +1,10 @@
-//! Radiance coefficients of a gather, their gradients, and the tables of lobes that they are multiplied with.
+//! Radiance coefficients of a gather, their gradients, and the tables of lobes that they are
+//! multiplied with.
 //!
-//! The gradients are compared with exact ones in the scene of the derivative tests: a square lamp of radiance 1 at height 2, and black rectangles at height 1. What the receiver sees of the lamp is the
-//! square without the shadows of the rectangles, which are rectangles too, so a coefficient is a sum of smooth integrals over rectangles, and its gradient a difference of those.
+//! The gradients are compared with exact ones in the scene of the derivative tests: a square lamp
+//! of radiance 1 at height 2, and black rectangles at height 1. What the receiver sees of the lamp
+//! is the square without the shadows of the rectangles, which are rectangles too, so a coefficient
+//! is a sum of smooth integrals over rectangles, and its gradient a difference of those.
 
 use crate::bsdfs::{at, bsdf, lafortune, metal, plastic, point};
 use crate::derivative::{LampAndOccluders, occluder, receiver};
@@ -11,7 +14,8 @@ use lumicache::cache::{RadianceBands, Refinement, Scheme};
 use lumicache::compare::Report;
 use lumicache::film::{LAYERS, Pixel};
 use lumicache::gather::{
-    Bundle, Coefficients, Deeper, Density, HemisphereSamples, Layout, NoDeeper, RadianceGradient, RadianceProbe,
+    Bundle, Coefficients, Deeper, Density, HemisphereSamples, Layout, NoDeeper, RadianceGradient,
+    RadianceProbe,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::{Channel, Layers, SampleKind};
@@ -61,7 +65,8 @@ pub fn exact(basis: &dyn Basis, [x, y]: [f64; 2], blocker: Option<Area>) -> Vec<
 
 pub fn exact_gradient(basis: &dyn Basis, blocker: Option<Area>) -> [Vec<f64>; 2] {
     let (x, y, h) = (0.45, 0.30, 1e-4);
-    let difference = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+    let difference =
+        |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).collect();
     [
         difference(exact(basis, [x + h, y], blocker), exact(basis, [x - h, y], blocker)),
         difference(exact(basis, [x, y + h], blocker), exact(basis, [x, y - h], blocker)),
@@ -80,7 +85,9 @@ fn estimate(
     let n = basis.count();
     let (mut value, mut gradient) = (vec![0.0; n], [vec![0.0; n], vec![0.0; n]]);
     let runs = 12;
-    let add = |sum: &mut Vec<f64>, c: &Coefficients| sum.iter_mut().zip(c).for_each(|(s, c)| *s += f64::from(*c) / runs as f64);
+    let add = |sum: &mut Vec<f64>, c: &Coefficients| {
+        sum.iter_mut().zip(c).for_each(|(s, c)| *s += f64::from(*c) / runs as f64)
+    };
     for seed in 0..runs {
         samples.gather(probe, &receiver(), 0, &NoDeeper, seed);
         add(&mut value, &samples.project(basis));
@@ -107,7 +114,9 @@ pub const T3: Area = [[0.25, 0.1], [0.55, 0.4]];
 #[test]
 fn radiance_and_irradiance_of_one_gather_agree() {
     let probe = LampAndOccluders::open();
-    for (layout, density) in [(Layout::polar(1000), Density::Cosine), (Layout::concentric(900), Density::Uniform)] {
+    for (layout, density) in
+        [(Layout::polar(1000), Density::Cosine), (Layout::concentric(900), Density::Uniform)]
+    {
         let mut samples = HemisphereSamples::new(layout, density);
         samples.gather(&probe, &receiver(), 0, &NoDeeper, 3);
         let c = samples.project(&Hsh::new(6));
@@ -124,12 +133,20 @@ fn open_lamp_by_every_gradient() {
     let open = LampAndOccluders::open();
     for basis in [&Hsh::new(6) as &dyn Basis, &Sh::new(6)] {
         let (value, gradient) = (exact(basis, [0.45, 0.30], None), exact_gradient(basis, None));
-        for kind in [RadianceGradient::Boundary, RadianceGradient::PerSample, RadianceGradient::Displacement] {
+        for kind in [
+            RadianceGradient::Boundary,
+            RadianceGradient::PerSample,
+            RadianceGradient::Displacement,
+        ] {
             for density in [Density::Cosine, Density::Uniform] {
                 let (v, g) = estimate(&open, basis, POLAR, density, kind);
                 let error = norm(&v.iter().zip(&value).map(|(a, b)| a - b).collect::<Vec<_>>());
                 assert!(error < 6e-3 * norm(&value), "{error}");
-                assert!(off(&g, &gradient) < 0.02, "{kind:?} {density:?}: off by {}", off(&g, &gradient));
+                assert!(
+                    off(&g, &gradient) < 0.02,
+                    "{kind:?} {density:?}: off by {}",
+                    off(&g, &gradient)
+                );
             }
         }
     }
@@ -144,10 +161,19 @@ fn only_the_boundary_gradient_sees_silhouettes() {
             let gradient = exact_gradient(basis, Some(blocker));
             for density in [Density::Cosine, Density::Uniform] {
                 let (_, g) = estimate(&probe, basis, POLAR, density, RadianceGradient::Boundary);
-                assert!(off(&g, &gradient) < tolerance, "{name} {density:?}: off by {}", off(&g, &gradient));
+                assert!(
+                    off(&g, &gradient) < tolerance,
+                    "{name} {density:?}: off by {}",
+                    off(&g, &gradient)
+                );
             }
-            let (_, g) = estimate(&probe, basis, POLAR, Density::Cosine, RadianceGradient::PerSample);
-            assert!(off(&g, &gradient) > 0.1, "{name}: patches that keep their visibility are off by {}", off(&g, &gradient));
+            let (_, g) =
+                estimate(&probe, basis, POLAR, Density::Cosine, RadianceGradient::PerSample);
+            assert!(
+                off(&g, &gradient) > 0.1,
+                "{name}: patches that keep their visibility are off by {}",
+                off(&g, &gradient)
+            );
         }
     }
 }
@@ -156,8 +182,20 @@ fn only_the_boundary_gradient_sees_silhouettes() {
 fn displacement_is_the_per_sample_gradient() {
     let probe = occluder([0.2, -0.5], [1.2, 0.5]);
     let basis = Hsh::new(5);
-    let (_, a) = estimate(&probe, &basis, Layout::concentric(1024), Density::Cosine, RadianceGradient::Displacement);
-    let (_, b) = estimate(&probe, &basis, Layout::concentric(1024), Density::Cosine, RadianceGradient::PerSample);
+    let (_, a) = estimate(
+        &probe,
+        &basis,
+        Layout::concentric(1024),
+        Density::Cosine,
+        RadianceGradient::Displacement,
+    );
+    let (_, b) = estimate(
+        &probe,
+        &basis,
+        Layout::concentric(1024),
+        Density::Cosine,
+        RadianceGradient::PerSample,
+    );
     assert!(off(&a, &b) < 2e-3, "{}", off(&a, &b));
 }
 
@@ -180,7 +218,10 @@ fn hemisphere() -> Vec<(Vec3, f64)> {
         for k in 0..columns {
             let (s, c) = (TAU * (k as f64 + 0.37) / columns as f64).sin_cos();
             let r = (1.0 - z * z).sqrt();
-            nodes.push((Vec3::new((r * c) as f32, (r * s) as f32, z as f32), weight * TAU / columns as f64));
+            nodes.push((
+                Vec3::new((r * c) as f32, (r * s) as f32, z as f32),
+                weight * TAU / columns as f64,
+            ));
         }
     }
     nodes
@@ -191,7 +232,9 @@ fn tables_hold_the_lobes_of_every_model() {
     let native = |brdf| Material { native: Some(brdf), ..Material::default() };
     let (kd, ks) = (Color::splat(0.2), Color::new(0.6, 0.5, 0.3));
     let ward = |alpha_x, alpha_y| native(NativeBrdf::WardDuer { kd, ks, alpha_x, alpha_y });
-    let one = |c: [f32; 3], n: f32| [lafortune(c, Color::splat(n)), LafortuneLobe::default(), LafortuneLobe::default()];
+    let one = |c: [f32; 3], n: f32| {
+        [lafortune(c, Color::splat(n)), LafortuneLobe::default(), LafortuneLobe::default()]
+    };
     let coated = Material { clearcoat: 0.7, clearcoat_roughness: 0.6, ..metal(ks, 0.7) };
     let materials = [
         metal(ks, 0.5477),
@@ -210,13 +253,19 @@ fn tables_hold_the_lobes_of_every_model() {
         for (number, material) in materials.iter().enumerate() {
             let surface = bsdf(material, false);
             for wo in [at(5.0, 10.0), at(40.0, 130.0), at(62.0, -77.0)] {
-                assert!(tables.project(number as u32, &surface, wo, &mut c).is_some(), "{number} {wo}");
-                // The coefficients by quadrature; linear interpolation between 48 nodes, or between 32 x 32 for the anisotropic lobe, misses a little.
+                assert!(
+                    tables.project(number as u32, &surface, wo, &mut c).is_some(),
+                    "{number} {wo}"
+                );
+                // The coefficients by quadrature; linear interpolation between 48 nodes, or between
+                // 32 x 32 for the anisotropic lobe, misses a little.
                 let mut expected = vec![0f64; 300];
                 for (wi, solid_angle) in &nodes {
                     let f = surface.f_glossy(wo, *wi) * wi.z;
                     for (i, h) in values(basis.as_ref(), *wi).into_iter().enumerate() {
-                        (0..3).for_each(|k| expected[100 * k + i] += f64::from(f[k] * h) * solid_angle);
+                        (0..3).for_each(|k| {
+                            expected[100 * k + i] += f64::from(f[k] * h) * solid_angle
+                        });
                     }
                 }
                 // With so large a loss few bands are in use, and only those are filled in.
@@ -224,7 +273,9 @@ fn tables_hold_the_lobes_of_every_model() {
                 let used = |k: &usize| k % 100 < order * order;
                 let got: Vec<f64> = (0..300).filter(used).map(|k| f64::from(c[k])).collect();
                 let expected: Vec<f64> = (0..300).filter(used).map(|k| expected[k]).collect();
-                let error = norm(&got.iter().zip(&expected).map(|(a, b)| a - b).collect::<Vec<_>>()) / norm(&expected);
+                let error =
+                    norm(&got.iter().zip(&expected).map(|(a, b)| a - b).collect::<Vec<_>>())
+                        / norm(&expected);
                 let tolerance = if number == 6 { 0.03 } else { 0.01 };
                 assert!(error < tolerance, "{kind:?} {number} {wo}: off by {error}");
             }
@@ -234,20 +285,27 @@ fn tables_hold_the_lobes_of_every_model() {
 
 #[test]
 fn orders_follow_the_energy() {
-    // Energy that is lost by a modified Phong lobe times the cosine, exponent 22 seen straight on: 4.5 % with order 6, 0.39 % with 8, 0.02 % with 10; extended by zero in spherical harmonics 22, 6.6, 1.4 %.
+    // Energy that is lost by a modified Phong lobe times the cosine, exponent 22 seen straight on:
+    // 4.5 % with order 6, 0.39 % with 8, 0.02 % with 10; extended by zero in spherical harmonics
+    // 22, 6.6, 1.4 %.
     let phong = |exponent| Material {
         native: Some(NativeBrdf::Phong { kd: Color::ZERO, ks: Color::ONE, exponent }),
         ..Material::default()
     };
     let order = |kind, exponent, wo: Vec3, loss| {
         let material = phong(exponent);
-        let tables = GlossyTables::new(std::slice::from_ref(&material), settings(kind, 10, loss), &TableStore::default());
+        let tables = GlossyTables::new(
+            std::slice::from_ref(&material),
+            settings(kind, 10, loss),
+            &TableStore::default(),
+        );
         tables.project(0, &bsdf(&material, false), wo, &mut Vec::new())
     };
     let up = Vec3::Z;
-    for (kind, bounds) in
-        [(BasisKind::Hsh, [(0.044, 0.046, 6), (0.0037, 0.0041, 8)]), (BasisKind::Sh, [(0.21, 0.23, 6), (0.065, 0.067, 8)])]
-    {
+    for (kind, bounds) in [
+        (BasisKind::Hsh, [(0.044, 0.046, 6), (0.0037, 0.0041, 8)]),
+        (BasisKind::Sh, [(0.21, 0.23, 6), (0.065, 0.067, 8)]),
+    ] {
         for (below, above, n) in bounds {
             assert!(order(kind, 22.0, up, below) > Some(n), "{kind:?} {n}");
             assert!(order(kind, 22.0, up, above) <= Some(n), "{kind:?} {n}");
@@ -255,7 +313,8 @@ fn orders_follow_the_energy() {
     }
     assert!(order(BasisKind::Hsh, 22.0, up, 1.5e-4).is_none_or(|n| n == 10));
     assert_eq!(order(BasisKind::Sh, 22.0, up, 0.01), None, "1.4 % at order 10: of high frequency");
-    // Exponent 7 at 75 degrees: HSH order 4 loses 5.7 %, SH order 6 4.9 %; the next node of the table, nearer to the horizon, a little more.
+    // Exponent 7 at 75 degrees: HSH order 4 loses 5.7 %, SH order 6 4.9 %; the next node of the
+    // table, nearer to the horizon, a little more.
     let grazing = at(75.0, 20.0);
     assert_eq!(order(BasisKind::Hsh, 7.0, grazing, 0.062), Some(4));
     assert_eq!(order(BasisKind::Hsh, 7.0, grazing, 0.05), Some(5));
@@ -268,12 +327,19 @@ fn what_cannot_be_tabulated_is_left_alone() {
     let materials = [
         metal(Color::ONE, 0.1),
         Material { transmission: 0.5, ..plastic(Color::ONE, 0.7) },
-        Material { native: Some(NativeBrdf::Phong { kd: Color::ONE, ks: Color::ZERO, exponent: 5.0 }), ..Material::default() },
+        Material {
+            native: Some(NativeBrdf::Phong { kd: Color::ONE, ks: Color::ZERO, exponent: 5.0 }),
+            ..Material::default()
+        },
     ];
-    let tables = GlossyTables::new(&materials, settings(BasisKind::Hsh, 10, 0.05), &TableStore::default());
+    let tables =
+        GlossyTables::new(&materials, settings(BasisKind::Hsh, 10, 0.05), &TableStore::default());
     assert!(tables.is_empty());
     for (number, material) in materials.iter().enumerate() {
-        assert_eq!(tables.project(number as u32, &bsdf(material, false), Vec3::Z, &mut Vec::new()), None);
+        assert_eq!(
+            tables.project(number as u32, &bsdf(material, false), Vec3::Z, &mut Vec::new()),
+            None
+        );
         assert_eq!(tables.record_order(&point(false), &bsdf(material, false)), None);
     }
     assert_eq!(tables.project(0, &Bsdf::lambert(Color::ONE), Vec3::Z, &mut Vec::new()), None);
@@ -283,16 +349,21 @@ fn what_cannot_be_tabulated_is_left_alone() {
 fn textured_roughness_is_interpolated() {
     // Tables at the roughnesses of the grid serve those between.
     let exact = metal(Color::splat(0.8), 0.61);
-    let textured: Vec<Material> = (0..30).map(|k| metal(Color::ONE, 0.3 + 0.7 * k as f32 / 29.0)).collect();
+    let textured: Vec<Material> =
+        (0..30).map(|k| metal(Color::ONE, 0.3 + 0.7 * k as f32 / 29.0)).collect();
     let wanted = settings(BasisKind::Hsh, 8, 0.5);
     let tables = GlossyTables::new(&textured, wanted, &TableStore::default());
     let reference = GlossyTables::new(std::slice::from_ref(&exact), wanted, &TableStore::default());
     let surface = bsdf(&exact, false);
     for wo in [at(10.0, 0.0), at(60.0, 50.0)] {
         let (mut a, mut b) = (Vec::new(), Vec::new());
-        let (m, n) = (tables.project(0, &surface, wo, &mut a).unwrap(), reference.project(0, &surface, wo, &mut b).unwrap());
+        let (m, n) = (
+            tables.project(0, &surface, wo, &mut a).unwrap(),
+            reference.project(0, &surface, wo, &mut b).unwrap(),
+        );
         let count = m.min(n).pow(2);
-        let (a, b) = (a[..count].iter().map(|x| f64::from(*x)), b[..count].iter().map(|x| f64::from(*x)));
+        let (a, b) =
+            (a[..count].iter().map(|x| f64::from(*x)), b[..count].iter().map(|x| f64::from(*x)));
         let difference: Vec<f64> = a.zip(b.clone()).map(|(a, b)| a - b).collect();
         assert!(norm(&difference) < 0.01 * norm(&b.collect::<Vec<_>>()), "{}", norm(&difference));
     }
@@ -319,20 +390,31 @@ fn any_function_can_be_tabulated() {
 pub fn layer(frame: &Frame, name: &str) -> Layers {
     let [width, height] = frame.film.window_size();
     let channels = frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap());
-    let channel = |(samples, name): (Vec<f32>, &str)| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };
-    let mut channels: Vec<Channel> = channels.into_iter().zip(["R", "G", "B"]).map(channel).collect();
+    let channel = |(samples, name): (Vec<f32>, &str)| Channel {
+        name: name.to_owned(),
+        kind: SampleKind::Float,
+        samples,
+    };
+    let mut channels: Vec<Channel> =
+        channels.into_iter().zip(["R", "G", "B"]).map(channel).collect();
     channels.push(channel((vec![1.0; (width * height) as usize], "A")));
     Layers { width, height, channels, ..Layers::default() }
 }
 
 /// Share of the glossy samples that records served.
 fn served(frame: &Frame) -> f64 {
-    let (all, served) = frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let (all, served) =
+        frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     served as f64 / all as f64
 }
 
-/// Renders gloss by records and by paths; both read the same irradiance records at the ends of those.
-fn compare_gloss(scene: &Scene, size: [u32; 2], change: impl Fn(&mut Scheme)) -> (Report, Report, f64) {
+/// Renders gloss by records and by paths; both read the same irradiance records at the ends of
+/// those.
+fn compare_gloss(
+    scene: &Scene,
+    size: [u32; 2],
+    change: impl Fn(&mut Scheme),
+) -> (Report, Report, f64) {
     let with = |order: u8, spp: u32, seed: u64| {
         let mut settings = Settings { seed, ..cached(scene, "krivanek05", size, spp) };
         change(&mut settings.scheme);
@@ -351,7 +433,9 @@ fn compare_gloss(scene: &Scene, size: [u32; 2], change: impl Fn(&mut Scheme)) ->
 fn records_serve_a_glossy_floor_with_less_noise_than_paths() {
     // GGX, alpha 0.3: seen at 71 to 79 degrees, where order 10 loses up to 15 % of the energy.
     let scene = build(own("cornell-box-glossy"));
-    for (gradient, basis) in [(RadianceGradient::Boundary, BasisKind::Hsh), (RadianceGradient::PerSample, BasisKind::Sh)] {
+    for (gradient, basis) in
+        [(RadianceGradient::Boundary, BasisKind::Hsh), (RadianceGradient::PerSample, BasisKind::Sh)]
+    {
         let (records, paths, served) = compare_gloss(&scene, [64, 64], |scheme| {
             (scheme.radiance_gradient, scheme.radiance_basis) = (gradient, basis);
             (scheme.radiance_order, scheme.radiance_loss) = (14, 0.15);
@@ -361,7 +445,11 @@ fn records_serve_a_glossy_floor_with_less_noise_than_paths() {
             records.relmse, records.mean_ratio, paths.relmse
         );
         assert!(served > 0.8, "{gradient:?} {basis:?}: only {served} served");
-        assert!((records.mean_ratio.unwrap() - 1.0).abs() < 0.02, "{gradient:?} {basis:?}: mean {:?}", records.mean_ratio);
+        assert!(
+            (records.mean_ratio.unwrap() - 1.0).abs() < 0.02,
+            "{gradient:?} {basis:?}: mean {:?}",
+            records.mean_ratio
+        );
         assert!(
             records.relmse < 0.5 * paths.relmse,
             "{gradient:?} {basis:?}: {} with records, {} with paths",
@@ -376,7 +464,11 @@ fn records_serve_curved_surfaces() {
     let mut data = own("curved-spheres");
     for material in &mut data.materials {
         if !material.is_emissive() {
-            material.native = Some(NativeBrdf::Phong { kd: Color::splat(0.3), ks: Color::splat(0.5), exponent: 10.0 });
+            material.native = Some(NativeBrdf::Phong {
+                kd: Color::splat(0.3),
+                ks: Color::splat(0.5),
+                exponent: 10.0,
+            });
         }
     }
     let scene = build(data);
@@ -389,7 +481,11 @@ fn records_serve_curved_surfaces() {
             records.relmse, records.mean_ratio, paths.relmse
         );
         assert!(served > 0.8, "{basis:?}: only {served} served");
-        assert!((records.mean_ratio.unwrap() - 1.0).abs() < 0.03, "{basis:?}: mean {:?}", records.mean_ratio);
+        assert!(
+            (records.mean_ratio.unwrap() - 1.0).abs() < 0.03,
+            "{basis:?}: mean {:?}",
+            records.mean_ratio
+        );
     }
 }
 
@@ -408,20 +504,24 @@ impl RadianceProbe for Coins {
 
 #[test]
 fn uncertainty_is_where_the_noise_is() {
-    // The variance of a sample is 1/3, and it stands for 2π/N: of the lobe c = 1 + x over the half x > 0, ∫ c² = π + π + π/3.
+    // The variance of a sample is 1/3, and it stands for 2π/N: of the lobe c = 1 + x over the half
+    // x > 0, ∫ c² = π + π + π/3.
     let basis = Hsh::new(6);
     let (layout, runs) = (Layout::polar(512), 400);
     let mut samples = HemisphereSamples::new(layout, Density::Uniform);
     let (mut spread, mut expected, mut sides) = (0.0, 0.0, [0.0; 2]);
     let integrate = |v: &[f32], f: &dyn Fn(Vec3) -> f64| -> f64 {
-        let at = |w: Vec3| values(&basis, w).iter().zip(v).map(|(b, v)| f64::from(b * v)).sum::<f64>();
+        let at =
+            |w: Vec3| values(&basis, w).iter().zip(v).map(|(b, v)| f64::from(b * v)).sum::<f64>();
         hemisphere().into_iter().map(|(w, solid_angle)| solid_angle * at(w) * f(w)).sum()
     };
     for seed in 0..runs {
         samples.gather(&Coins, &receiver(), 0, &NoDeeper, seed);
-        let mean = |k: usize| samples.bundle().radiance[k].x * (1.0 + samples.bundle().dir_local[k].x);
+        let mean =
+            |k: usize| samples.bundle().radiance[k].x * (1.0 + samples.bundle().dir_local[k].x);
         // The quadrature of a constant world is no part of the noise.
-        let excess: f32 = (0..layout.rays()).map(|k| mean(k) - (1.0 + samples.bundle().dir_local[k].x)).sum();
+        let excess: f32 =
+            (0..layout.rays()).map(|k| mean(k) - (1.0 + samples.bundle().dir_local[k].x)).sum();
         spread += (f64::from(excess) * TAU / layout.rays() as f64).powi(2) / runs as f64;
         if seed < 20 {
             let v = samples.uncertainty(&basis);
@@ -461,7 +561,10 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
             let gloss = frame.gloss.as_ref().unwrap();
             let records = gloss.levels[0].records();
             let smallest = gloss.levels[0].placement().scheme().error_min;
-            assert!(records.iter().all(|r| r.error >= 0.999 * smallest), "a record went below the smallest error");
+            assert!(
+                records.iter().all(|r| r.error >= 0.999 * smallest),
+                "a record went below the smallest error"
+            );
             assert_eq!(gloss.fill[0].reductions > 0, refinement != Refinement::None);
             records.len() as f32
         })
@@ -469,7 +572,10 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
     let growth = |counts: [f32; 3]| [counts[1] / counts[0], counts[2] / counts[0]];
     let (refined, plain) = (counts(Refinement::WeberNearest), counts(Refinement::None));
     // Without refinement the lobe hardly matters.
-    let larger = growth(refined).iter().zip(growth(plain)).all(|(with, without)| *with > 1.15 * without && *with > 1.3);
+    let larger = growth(refined)
+        .iter()
+        .zip(growth(plain))
+        .all(|(with, without)| *with > 1.15 * without && *with > 1.3);
     assert!(larger, "{refined:?}, without refinement {plain:?}");
 }
 
@@ -484,7 +590,8 @@ fn faint_curved_and_small_gloss_is_left_to_paths() {
     };
     assert!(share("glossy-walk", [40, 40], &|_| ()) > 0.9);
     assert_eq!(share("glossy-walk", [40, 40], &|s| s.radiance_break_even = 1e6), 0.0);
-    // The wall reflects three quarters of its light by its lobe; the metal floor has no diffuse lobe.
+    // The wall reflects three quarters of its light by its lobe; the metal floor has no diffuse
+    // lobe.
     let floor = share("glossy-walk", [40, 40], &|s| s.radiance_share = 0.9);
     assert!((0.1..0.7).contains(&floor), "{floor}");
     assert!(share("phong-pot", [40, 30], &|_| ()) < 0.05);
@@ -498,24 +605,47 @@ fn records_below_the_first_bounce_replace_paths_and_change_nothing_else() {
         let with = |levels: u8| {
             let mut settings = cached(&scene, preset, [48, 48], 4);
             let scheme = &mut settings.scheme;
-            (scheme.rays, scheme.levels, scheme.radiance_break_even, scheme.radiance_levels) = (512, 3, 0.0, levels);
+            (scheme.rays, scheme.levels, scheme.radiance_break_even, scheme.radiance_levels) =
+                (512, 3, 0.0, levels);
             render(&scene, &settings)
         };
         let [one, two] = [1, 2].map(with);
-        let count = |frame: &Frame| frame.gloss.as_ref().unwrap().levels.iter().map(|l| l.records().len()).collect::<Vec<_>>();
+        let count = |frame: &Frame| {
+            frame
+                .gloss
+                .as_ref()
+                .unwrap()
+                .levels
+                .iter()
+                .map(|l| l.records().len())
+                .collect::<Vec<_>>()
+        };
         assert_eq!(count(&one).len(), 1);
         assert!(count(&two).len() == 2 && count(&two)[1] > 20, "{name}: {:?}", count(&two));
         let paths = |frame: &Frame| frame.gathered[2] as f32 / frame.gathered[0] as f32;
         let report = difference(&beauty(&two), &beauty(&one));
-        println!("{name}: {:.4} paths per ray, {:.4} with records below; {report:?}", paths(&one), paths(&two));
-        assert!(paths(&two) < 0.8 * paths(&one), "{name}: {} paths per ray, without records {}", paths(&two), paths(&one));
-        assert!((report.mean_ratio.unwrap() - 1.0).abs() < 0.005 && report.relmse < 1e-3, "{name}: {report:?}");
+        println!(
+            "{name}: {:.4} paths per ray, {:.4} with records below; {report:?}",
+            paths(&one),
+            paths(&two)
+        );
+        assert!(
+            paths(&two) < 0.8 * paths(&one),
+            "{name}: {} paths per ray, without records {}",
+            paths(&two),
+            paths(&one)
+        );
+        assert!(
+            (report.mean_ratio.unwrap() - 1.0).abs() < 0.005 && report.relmse < 1e-3,
+            "{name}: {report:?}"
+        );
     }
 }
 
 #[test]
 fn refined_curved_surfaces_are_served_everywhere() {
-    // Where rays start aside of a point its record must cover it all the same, however small refinement makes it.
+    // Where rays start aside of a point its record must cover it all the same, however small
+    // refinement makes it.
     let scene = build(own("phong-pot"));
     let mut settings = cached(&scene, "krivanek06", [160, 120], 1);
     (settings.scheme.rays, settings.scheme.levels, settings.max_bounces) = (200, 1, 1);
@@ -533,7 +663,8 @@ fn all_bands_serve_what_loses_too_much() {
     let scene = build(own("pyramid-metal"));
     let with = |bands: RadianceBands| {
         let mut settings = cached(&scene, "krivanek05", [40, 40], 1);
-        (settings.scheme.rays, settings.scheme.radiance_bands, settings.max_bounces) = (64, bands, 1);
+        (settings.scheme.rays, settings.scheme.radiance_bands, settings.max_bounces) =
+            (64, bands, 1);
         render(&scene, &settings)
     };
     let [needed, all] = [RadianceBands::Needed, RadianceBands::All].map(with);

@@ -10,7 +10,9 @@ fn folder() -> PathBuf {
 
 /// The names of the scenes, without extension.
 fn names() -> Vec<String> {
-    let entries = fs::read_dir(folder()).expect("scenes/ is part of the project").map(|e| e.expect("readable").path());
+    let entries = fs::read_dir(folder())
+        .expect("scenes/ is part of the project")
+        .map(|e| e.expect("readable").path());
     let mut names: Vec<_> = entries
         .filter(|p| p.extension().is_some_and(|e| e == "gltf"))
         .map(|p| p.file_stem().expect("a file has a name").to_string_lossy().into_owned())
@@ -35,24 +37,40 @@ fn the_script_makes_the_same_bytes() {
         run => run.unwrap(),
     };
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let mut files: Vec<_> = fs::read_dir(made.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let mut files: Vec<_> =
+        fs::read_dir(made.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     files.sort();
-    assert_eq!(files.len(), 3 * names().len(), "one .gltf, .bin and .toml for each scene: {files:?}");
+    assert_eq!(
+        files.len(),
+        3 * names().len(),
+        "one .gltf, .bin and .toml for each scene: {files:?}"
+    );
     for name in files {
-        let (new, old) = (fs::read(made.path().join(&name)).unwrap(), fs::read(folder().join(&name)).unwrap_or_default());
-        assert!(new == old, "scenes/{} is not what make_scenes.py writes: run `make scenes`", name.to_string_lossy());
+        let (new, old) = (
+            fs::read(made.path().join(&name)).unwrap(),
+            fs::read(folder().join(&name)).unwrap_or_default(),
+        );
+        assert!(
+            new == old,
+            "scenes/{} is not what make_scenes.py writes: run `make scenes`",
+            name.to_string_lossy()
+        );
     }
 }
 
 #[test]
 fn each_scene_says_what_it_is() {
     for name in names() {
-        let description =
-            fs::read_to_string(folder().join(format!("{name}.toml"))).unwrap_or_else(|e| panic!("{name}.toml: {e}"));
-        let value = |key: &str| description.lines().find_map(|l| l.strip_prefix(key)?.strip_prefix(" = "));
+        let description = fs::read_to_string(folder().join(format!("{name}.toml")))
+            .unwrap_or_else(|e| panic!("{name}.toml: {e}"));
+        let value =
+            |key: &str| description.lines().find_map(|l| l.strip_prefix(key)?.strip_prefix(" = "));
         assert_eq!(value("licence"), Some("\"CC0-1.0\""), "{name}.toml");
         for key in ["title", "size", "camera", "notes"] {
-            assert!(value(key).is_some_and(|v| v.len() > 2), "{name}.toml: {key} is missing or empty");
+            assert!(
+                value(key).is_some_and(|v| v.len() > 2),
+                "{name}.toml: {key} is missing or empty"
+            );
         }
     }
 }
@@ -61,9 +79,13 @@ fn each_scene_says_what_it_is() {
 fn each_scene_loads_without_a_warning() {
     for name in names() {
         let path = folder().join(format!("{name}.gltf"));
-        let scene = lumicache::import::gltf(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
+        let scene =
+            lumicache::import::gltf(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
         assert!(scene.warnings.is_empty(), "{name}: {:?}", scene.warnings);
         assert_eq!(scene.cameras.len(), 1, "{name}: cameras");
-        assert!(!scene.geometry.instances.is_empty() && !scene.materials.is_empty(), "{name} is empty");
+        assert!(
+            !scene.geometry.instances.is_empty() && !scene.materials.is_empty(),
+            "{name} is empty"
+        );
     }
 }

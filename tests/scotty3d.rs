@@ -1,12 +1,16 @@
-//! What the students' report on irradiance caching in Scotty3D shows in pictures, as numbers: a second pass removes the seams of the first, and the rotational gradient the artefacts on spheres.
+//! What the students' report on irradiance caching in Scotty3D shows in pictures, as numbers: a
+//! second pass removes the seams of the first, and the rotational gradient the artefacts on
+//! spheres.
 //!
-//! Irradiance on the spheres of our scene, first bounce only, against many rays at the same points. 256 rays per record instead of the report's 64, whose noise would hide half of the difference.
+//! Irradiance on the spheres of our scene, first bounce only, against many rays at the same points.
+//! 256 rays per record instead of the report's 64, whose noise would hide half of the difference.
 
 use crate::bsdfs::point;
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
 use lumicache::gather::{
-    Bundle, Deeper, Density, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe, TranslationalGradient,
+    Bundle, Deeper, Density, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe,
+    TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::integrator::{PathTracer, SceneProbe};
@@ -37,16 +41,24 @@ fn filled(tracer: PathTracer, points: &LevelPoints, rotational_gradient: bool) -
 #[test]
 fn two_passes_beat_one_and_the_rotational_gradient_helps_on_spheres() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/curved-spheres.gltf");
-    let scene = Scene::new(lumicache::import::gltf(&path, &Default::default()).unwrap(), Backend::default()).unwrap().0;
+    let scene = Scene::new(
+        lumicache::import::gltf(&path, &Default::default()).unwrap(),
+        Backend::default(),
+    )
+    .unwrap()
+    .0;
     let tracer = PathTracer { scene: &scene, max_bounces: 1 };
-    let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
-    let points: Vec<SurfacePoint> =
-        pixels.filter_map(|p| Some(tracer.first_diffuse(&scene.cameras()[0].ray(p, SIZE), 0)?.0)).collect();
+    let pixels = (0..SIZE[1])
+        .flat_map(|y| (0..SIZE[0]).map(move |x| Vec2::new(x as f32 + 0.5, y as f32 + 0.5)));
+    let points: Vec<SurfacePoint> = pixels
+        .filter_map(|p| Some(tracer.first_diffuse(&scene.cameras()[0].ray(p, SIZE), 0)?.0))
+        .collect();
     let points = LevelPoints { points, round: SIZE[0] as usize };
 
     // Walls and floor are normal to an axis, spheres nearly nowhere. Every third point is compared.
     let curved = |p: &SurfacePoint| p.frame.n.abs().max_element() < 0.99;
-    let compared: Vec<usize> = (0..points.points.len()).filter(|&k| curved(&points.points[k])).step_by(3).collect();
+    let compared: Vec<usize> =
+        (0..points.points.len()).filter(|&k| curved(&points.points[k])).step_by(3).collect();
     assert!(compared.len() > 300, "{} points lie on spheres", compared.len());
     let probe = SceneProbe::new(tracer);
     let reference = |&k: &usize| {
@@ -55,11 +67,13 @@ fn two_passes_beat_one_and_the_rotational_gradient_helps_on_spheres() {
         f64::from(luminance(samples.irradiance()))
     };
     let truth: Vec<f64> = compared.par_iter().map(reference).collect();
-    // RMS relative error with the records that existed when each point was visited, or with all of them.
+    // RMS relative error with the records that existed when each point was visited, or with all of
+    // them.
     let error = |f: &Filled, passes: u8| {
         let squares = compared.iter().zip(&truth).map(|(&k, e)| {
             let limit = if passes == 1 { f.stats.births[k] } else { u32::MAX };
-            let answer = f.cache.lookup(0, &points.points[k], limit).expect("every point was covered");
+            let answer =
+                f.cache.lookup(0, &points.points[k], limit).expect("every point was covered");
             (f64::from(luminance(answer.irradiance)) / e - 1.0).powi(2)
         });
         (squares.sum::<f64>() / truth.len() as f64).sqrt()
@@ -68,7 +82,10 @@ fn two_passes_beat_one_and_the_rotational_gradient_helps_on_spheres() {
     let [off, on] = [off, on].map(|f| [error(&f, 1), error(&f, 2)]);
     // Without the rotational gradient 0.200 in one pass and 0.153 in two, with it 0.174 and 0.134.
     for (passes, (off, on)) in [1, 2].into_iter().zip(off.into_iter().zip(on)) {
-        assert!(on < 0.95 * off, "RMS errors of {passes} passes: {on} with the rotational gradient, {off} without");
+        assert!(
+            on < 0.95 * off,
+            "RMS errors of {passes} passes: {on} with the rotational gradient, {off} without"
+        );
     }
     for [one, two] in [off, on] {
         assert!(two < 0.85 * one, "RMS errors {one} in one pass, {two} in two");
@@ -90,11 +107,14 @@ impl RadianceProbe for HalfBright {
 
 #[test]
 fn rays_along_the_horizon_do_not_spoil_the_rotational_gradient() {
-    // For that light G = ∫ w_x dω over x > 0 along the second tangent: π/2. Some of the 1000 gathers have a ray of tan θ > 100, which alone would add 10 times the mean.
+    // For that light G = ∫ w_x dω over x > 0 along the second tangent: π/2. Some of the 1000
+    // gathers have a ray of tan θ > 100, which alone would add 10 times the mean.
     let at = point(false);
-    for (layout, tolerance) in
-        [(Layout::Polar { m: 8, n: 8 }, 0.05), (Layout::polar(1024), 0.015), (Layout::concentric(1024), 0.015)]
-    {
+    for (layout, tolerance) in [
+        (Layout::Polar { m: 8, n: 8 }, 0.05),
+        (Layout::polar(1024), 0.015),
+        (Layout::concentric(1024), 0.015),
+    ] {
         let mut samples = HemisphereSamples::new(layout, Density::Cosine);
         let (mut sum, mut largest, runs) = (0.0, 0.0_f64, 1000);
         for seed in 0..runs {

@@ -1,4 +1,5 @@
-//! Daylight: the skies light what they should, are sampled as they say, and the sun is where and what it should be.
+//! Daylight: the skies light what they should, are sampled as they say, and the sun is where and
+//! what it should be.
 
 use crate::furnace::{diffuse, plane};
 use crate::lights::{Rng, assert_chi2};
@@ -31,7 +32,10 @@ fn illuminance(lights: &Lights, n: Vec3) -> (f64, f64) {
 /// Within five standard errors and the table's own error.
 fn assert_illuminance(lights: &Lights, n: Vec3, expected: f64) {
     let (mean, error) = illuminance(lights, n);
-    assert!((mean - expected).abs() < 5.0 * error + 1e-3 * expected, "{mean} ± {error} lx, not {expected}");
+    assert!(
+        (mean - expected).abs() < 5.0 * error + 1e-3 * expected,
+        "{mean} ± {error} lx, not {expected}"
+    );
 }
 
 #[test]
@@ -49,9 +53,16 @@ fn the_overcast_sky_lights_floors_and_walls() {
 
 #[test]
 fn clear_and_general_skies_have_the_illuminance_they_should() {
-    for kind in [SkyKind::General(3), SkyKind::General(8), SkyKind::General(12), SkyKind::General(15)] {
+    for kind in
+        [SkyKind::General(3), SkyKind::General(8), SkyKind::General(12), SkyKind::General(15)]
+    {
         for elevation in [10.0, 60.0] {
-            let sky = Sky { elevation, sun: SunKind::None, illuminance: Some(20_000.0), ..Sky::new(kind) };
+            let sky = Sky {
+                elevation,
+                sun: SunKind::None,
+                illuminance: Some(20_000.0),
+                ..Sky::new(kind)
+            };
             assert_illuminance(&lights(&sky), Vec3::Y, 20_000.0);
         }
     }
@@ -60,18 +71,27 @@ fn clear_and_general_skies_have_the_illuminance_they_should() {
 #[test]
 fn the_sun_adds_its_own_light() {
     for sun in [SunKind::Disc, SunKind::Direction] {
-        let sky = Sky { azimuth: 90.0, elevation: 30.0, sun, ground: Color::ZERO, ..Sky::parse("clear,illuminance=1").unwrap() };
+        let sky = Sky {
+            azimuth: 90.0,
+            elevation: 30.0,
+            sun,
+            ground: Color::ZERO,
+            ..Sky::parse("clear,illuminance=1").unwrap()
+        };
         let (lights, across) = (lights(&sky), sky.sun_illuminance());
         assert!((50_000.0..90_000.0).contains(&across), "{across}");
         assert_illuminance(&lights, Vec3::Y, 0.5 * across + 1.0);
         // The sun stands in the east: a wall that faces it, and one that faces away.
         assert_illuminance(&lights, Vec3::X, 0.75f64.sqrt() * across);
         assert!(illuminance(&lights, Vec3::NEG_X).0 < 3.0);
-        // A disc is seen, with the radiance of its illuminance over its solid angle; a direction is not.
+        // A disc is seen, with the radiance of its illuminance over its solid angle; a direction is
+        // not.
         let radiance = f64::from(lights.environment(sky.sun_direction()).x);
         let expected = across / (std::f64::consts::PI * 0.265f64.to_radians().sin().powi(2));
         match sun {
-            SunKind::Disc => assert!((radiance / expected - 1.0).abs() < 1e-4, "{radiance} {expected}"),
+            SunKind::Disc => {
+                assert!((radiance / expected - 1.0).abs() < 1e-4, "{radiance} {expected}")
+            }
             _ => assert!(radiance < 100.0, "{radiance}"),
         }
         let beside = |degrees: f32| {
@@ -99,7 +119,10 @@ fn samples_of_sky_and_sun_follow_their_density() {
                 continue;
             };
             let pdf = lights.pdf_environment(Vec3::ZERO, n, s.wi);
-            assert!(s.source == LightSource::Environment && (pdf / s.pdf - 1.0).abs() < 1e-3, "{s:?} {pdf}");
+            assert!(
+                s.source == LightSource::Environment && (pdf / s.pdf - 1.0).abs() < 1e-3,
+                "{s:?} {pdf}"
+            );
             let v = s.wi.y.clamp(-1.0, 1.0).acos() / PI * rows as f32;
             let h = s.wi.z.atan2(s.wi.x).rem_euclid(2.0 * PI) / (2.0 * PI) * columns as f32;
             let cell = (v as usize).min(rows - 1) * columns + (h as usize).min(columns - 1);
@@ -119,7 +142,8 @@ fn samples_of_sky_and_sun_follow_their_density() {
             }
         }
         let angle = PI * 0.265f32.to_radians().powi(2);
-        expected[rows * columns] = count as f64 * f64::from(angle * lights.pdf_environment(Vec3::ZERO, n, sky.sun_direction()));
+        expected[rows * columns] = count as f64
+            * f64::from(angle * lights.pdf_environment(Vec3::ZERO, n, sky.sun_direction()));
         assert!(observed[rows * columns] > 0.05 * count as f64);
         if n.is_some() {
             // What falls below the horizon is lost: it is a cell of its own.
@@ -142,7 +166,10 @@ fn a_plane_under_an_overcast_sky_has_its_closed_form() {
         let mean = pixels.iter().sum::<Color>() / pixels.len() as f32;
         let expected = Color::new(0.2, 0.5, 0.7) * (0.5 * 12_000.0 / 683.0 / PI);
         // 24 576 samples with a spread below 40 % of the mean: 0.3 % is beyond 10 standard errors.
-        assert!((mean / expected - Color::ONE).abs().max_element() < 3e-3, "{integrator:?}: {mean}, not {expected}");
+        assert!(
+            (mean / expected - Color::ONE).abs().max_element() < 3e-3,
+            "{integrator:?}: {mean}, not {expected}"
+        );
     }
 }
 
@@ -152,9 +179,15 @@ fn a_rotation_turns_the_sun_as_it_turns_a_map() {
     // From +X counter-clockwise as seen from above: to -Z.
     let (map, sun) = import::sky(&sky, LightUnits::Photometric, 90.0, 1.0).unwrap();
     let bounds = Aabb { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
-    let lights = Lights::build(&Geometry::default(), vec![], sun.into_iter().collect(), Some(map), bounds);
+    let lights =
+        Lights::build(&Geometry::default(), vec![], sun.into_iter().collect(), Some(map), bounds);
     let bright = |d: Vec3| lights.environment((d + Vec3::Y * 0.002).normalize()).x;
-    assert!(bright(Vec3::NEG_Z) > 100.0 * bright(Vec3::X), "{} {}", bright(Vec3::NEG_Z), bright(Vec3::X));
+    assert!(
+        bright(Vec3::NEG_Z) > 100.0 * bright(Vec3::X),
+        "{} {}",
+        bright(Vec3::NEG_Z),
+        bright(Vec3::X)
+    );
     for (rotation, scale) in [(f32::NAN, 1.0), (0.0, -1.0), (0.0, f32::INFINITY)] {
         assert!(import::sky(&sky, LightUnits::Photometric, rotation, scale).is_err());
     }

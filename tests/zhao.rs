@@ -1,7 +1,10 @@
-//! Radiance records on all surfaces, placed by their Hessians: where they lie, what another viewer makes of them, what they hold.
+//! Radiance records on all surfaces, placed by their Hessians: where they lie, what another viewer
+//! makes of them, what they hold.
 
 use crate::pictures::{build, cached, own, render};
-use lumicache::cache::{Extrapolation, FootprintKind, HitStorage, RadianceMetric, Record, Scheme, Storage};
+use lumicache::cache::{
+    Extrapolation, FootprintKind, HitStorage, RadianceMetric, Record, Scheme, Storage,
+};
 use lumicache::gather::HitChange;
 use lumicache::integrator::{PathTracer, SceneReflector};
 use lumicache::math::{Color, Vec3};
@@ -43,7 +46,8 @@ fn counts(frame: &Frame) -> [f64; 2] {
 fn incident_radiance_knows_no_surfaces_and_outgoing_radiance_does() {
     let [diffuse, glossy] = ["cornell-box", "cornell-box-phong"].map(|name| build(own(name)));
     let of = |preset: &str, scene: &Scene| counts(&boxed(scene, preset, |_| ()));
-    let [incoming, incoming_diffuse] = [of("zhao-incoming", &glossy), of("zhao-incoming", &diffuse)];
+    let [incoming, incoming_diffuse] =
+        [of("zhao-incoming", &glossy), of("zhao-incoming", &diffuse)];
     let share = |c: [f64; 2]| c[0] / c[1];
     for preset in ["zhao-outgoing", "zhao-view"] {
         let [with, without] = [of(preset, &glossy), of(preset, &diffuse)];
@@ -52,13 +56,17 @@ fn incident_radiance_knows_no_surfaces_and_outgoing_radiance_does() {
         );
         // Diffuse surfaces blur: the same error is met with fewer records.
         assert!(with[1] < 0.8 * incoming[1], "{preset}: {with:?} {incoming:?}");
-        // A larger share of the records lies on the glossy wall than zhao-incoming puts there, and than there would be were the wall diffuse.
+        // A larger share of the records lies on the glossy wall than zhao-incoming puts there, and
+        // than there would be were the wall diffuse.
         assert!(
             share(with) > 1.15 * share(incoming) && share(with) > 1.15 * share(without),
             "{preset}: {with:?} {without:?} {incoming:?}"
         );
     }
-    assert!((incoming[0] / incoming_diffuse[0] - 1.0).abs() < 0.15, "{incoming:?} {incoming_diffuse:?}");
+    assert!(
+        (incoming[0] / incoming_diffuse[0] - 1.0).abs() < 0.15,
+        "{incoming:?} {incoming_diffuse:?}"
+    );
 }
 
 #[test]
@@ -67,22 +75,38 @@ fn another_viewer_changes_areas_on_glossy_surfaces_alone_and_back() {
     let frame = boxed(&scene, "zhao-view", |_| ());
     let before = records(&frame).to_vec();
     let mut gloss = Arc::into_inner(frame.gloss.unwrap()).unwrap();
-    let reflector = SceneReflector { tracer: PathTracer { scene: &scene, max_bounces: 2 }, tables: &gloss.tables };
+    let reflector = SceneReflector {
+        tracer: PathTracer { scene: &scene, max_bounces: 2 },
+        tables: &gloss.tables,
+    };
     let eye = Vec3::from(scene.cameras()[0].to_world.translation);
     let mut see = |from: Vec3| -> Vec<f32> {
         gloss.levels[0].see_from(&reflector, &|x| (from - x).normalize());
-        let ratios =
-            gloss.levels[0].records().iter().zip(&before).map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
+        let ratios = gloss.levels[0]
+            .records()
+            .iter()
+            .zip(&before)
+            .map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
         ratios.collect()
     };
     // The eye that they were made for.
     assert!(see(eye).iter().all(|ratio| *ratio < 1e-2));
     let moved = see(Vec3::new(0.5, 4.5, 1.0));
     let mean = |glossy: bool| {
-        let of: Vec<f32> = moved.iter().zip(&before).filter(|(_, r)| on_back_wall(r) == glossy).map(|(m, _)| *m).collect();
+        let of: Vec<f32> = moved
+            .iter()
+            .zip(&before)
+            .filter(|(_, r)| on_back_wall(r) == glossy)
+            .map(|(m, _)| *m)
+            .collect();
         of.iter().sum::<f32>() / of.len() as f32
     };
-    assert!(mean(true) > 0.1 && mean(false) < 1e-2, "{} on the glossy wall, {} elsewhere", mean(true), mean(false));
+    assert!(
+        mean(true) > 0.1 && mean(false) < 1e-2,
+        "{} on the glossy wall, {} elsewhere",
+        mean(true),
+        mean(false)
+    );
     assert!(see(eye).iter().all(|ratio| *ratio < 1e-2));
 }
 

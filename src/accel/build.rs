@@ -1,7 +1,8 @@
 //! Boxes -> binary hierarchy -> eight-wide hierarchy.
 //!
-//! `obvhs` does the second step. Its own builder of the first (PLOC) needs quadratic time and makes a list instead of a tree where many boxes coincide, so
-//! this one is ours: top-down, by the binned surface area heuristic. [Wald07, binned SAH]
+//! `obvhs` does the second step. Its own builder of the first (PLOC) needs quadratic time and makes
+//! a list instead of a tree where many boxes coincide, so this one is ours: top-down, by the binned
+//! surface area heuristic. [Wald07, binned SAH]
 
 use super::traverse::{MAX_DEPTH, Node};
 use glam::Vec3A;
@@ -46,18 +47,25 @@ impl Item {
     }
 }
 
-/// The hierarchy over `bounds`, boxes with `min <= max` inside [`LIMIT`]. The result depends on nothing else.
+/// The hierarchy over `bounds`, boxes with `min <= max` inside [`LIMIT`]. The result depends on
+/// nothing else.
 pub fn build(bounds: &[Aabb]) -> Built {
     if bounds.is_empty() {
         return Built::default();
     }
-    let mut items: Vec<_> = bounds.iter().zip(0..).map(|(&bounds, index)| Item { bounds, index }).collect();
+    let mut items: Vec<_> =
+        bounds.iter().zip(0..).map(|(&bounds, index)| Item { bounds, index }).collect();
     let mut nodes = vec![Bvh2Node::default(); 2 * items.len() - 1];
     if let Some((root, rest)) = nodes.split_first_mut() {
         split(&mut items, 0, root, rest, 1, 1);
     }
-    let binary = Bvh2 { nodes, primitive_indices: items.iter().map(|item| item.index).collect(), ..Default::default() };
-    let wide = reinserted(binary.clone()).unwrap_or_else(|| bvh2_to_cwbvh(&binary, LEAF, true, false));
+    let binary = Bvh2 {
+        nodes,
+        primitive_indices: items.iter().map(|item| item.index).collect(),
+        ..Default::default()
+    };
+    let wide =
+        reinserted(binary.clone()).unwrap_or_else(|| bvh2_to_cwbvh(&binary, LEAF, true, false));
     Built { nodes: exact_nodes(&wide, bounds), order: wide.primitive_indices }
 }
 
@@ -81,7 +89,8 @@ fn exact_nodes(wide: &CwBvh, bounds: &[Aabb]) -> Vec<Node> {
     wide.nodes.iter().zip(&boxes).map(|(node, children)| Node::new(node, children)).collect()
 }
 
-/// The eight-wide hierarchy of `binary` after moving subtrees where they cost less; `None` where that makes it too deep.
+/// The eight-wide hierarchy of `binary` after moving subtrees where they cost less; `None` where
+/// that makes it too deep.
 fn reinserted(mut binary: Bvh2) -> Option<CwBvh> {
     // Deeper than this, the recursion in the conversion could exhaust a thread's stack.
     const DEEPEST_BINARY: usize = 512;
@@ -102,7 +111,8 @@ fn reinserted(mut binary: Bvh2) -> Option<CwBvh> {
     (depth(wide_children) <= MAX_DEPTH).then_some(wide)
 }
 
-/// Number of levels of a tree whose root is node 0 and whose node `i` has the inner nodes `children(i)` below it.
+/// Number of levels of a tree whose root is node 0 and whose node `i` has the inner nodes
+/// `children(i)` below it.
 fn depth(children: impl Fn(usize) -> std::ops::Range<usize>) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0_usize, 1_usize)];
@@ -113,9 +123,17 @@ fn depth(children: impl Fn(usize) -> std::ops::Range<usize>) -> usize {
     deepest
 }
 
-/// Arranges `items`, whose first has number `first` in the leaves, under `root`. `rest` are the `2 n - 2` nodes below the root, `rest_index` the number of the first of
-/// them; `level` is the root's, from 1.
-fn split(items: &mut [Item], first: u32, root: &mut Bvh2Node, rest: &mut [Bvh2Node], rest_index: u32, level: u32) {
+/// Arranges `items`, whose first has number `first` in the leaves, under `root`. `rest` are the `2
+/// n - 2` nodes below the root, `rest_index` the number of the first of them; `level` is the
+/// root's, from 1.
+fn split(
+    items: &mut [Item],
+    first: u32,
+    root: &mut Bvh2Node,
+    rest: &mut [Bvh2Node],
+    rest_index: u32,
+    level: u32,
+) {
     let bounds = items.iter().fold(Aabb::INVALID, |all, item| all.union(&item.bounds));
     if items.len() == 1 {
         *root = Bvh2Node::new(bounds, 1, first);
@@ -124,7 +142,8 @@ fn split(items: &mut [Item], first: u32, root: &mut Bvh2Node, rest: &mut [Bvh2No
     *root = Bvh2Node::new(bounds, 0, rest_index);
     // Halving from here on must end above the deepest level.
     let levels_to_halve = usize::BITS - (items.len() - 1).leading_zeros();
-    let by_area = if level + levels_to_halve < MAX_DEPTH as u32 { partition_by_area(items) } else { None };
+    let by_area =
+        if level + levels_to_halve < MAX_DEPTH as u32 { partition_by_area(items) } else { None };
     let middle = by_area.unwrap_or_else(|| partition_by_count(items));
 
     let (low, high) = items.split_at_mut(middle);
@@ -145,17 +164,26 @@ fn split(items: &mut [Item], first: u32, root: &mut Bvh2Node, rest: &mut [Bvh2No
     }
 }
 
-/// Moves the items of the cheapest split's lower side to the front and returns their number; `None` if all centres coincide.
+/// Moves the items of the cheapest split's lower side to the front and returns their number; `None`
+/// if all centres coincide.
 fn partition_by_area(items: &mut [Item]) -> Option<usize> {
     let (low, high) = items
         .iter()
         .map(Item::center)
-        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), center| (low.min(center), high.max(center)));
+        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), center| {
+            (low.min(center), high.max(center))
+        });
     let extent = high - low;
     // Along a flat axis everything falls into the first bin.
-    let scale = Vec3A::select(extent.cmpgt(Vec3A::ZERO), BINS as f32 * (1.0 - f32::EPSILON) / extent, Vec3A::ZERO);
+    let scale = Vec3A::select(
+        extent.cmpgt(Vec3A::ZERO),
+        BINS as f32 * (1.0 - f32::EPSILON) / extent,
+        Vec3A::ZERO,
+    );
     let scale = Vec3A::select(scale.cmplt(Vec3A::INFINITY), scale, Vec3A::ZERO);
-    let bin_of = |item: &Item| ((item.center() - low) * scale).as_uvec3().min(glam::UVec3::splat(BINS as u32 - 1));
+    let bin_of = |item: &Item| {
+        ((item.center() - low) * scale).as_uvec3().min(glam::UVec3::splat(BINS as u32 - 1))
+    };
 
     let mut bins = [[(Aabb::INVALID, 0_u32); BINS]; 3];
     for item in &*items {
@@ -211,7 +239,9 @@ fn partition_by_count(items: &mut [Item]) -> usize {
         2
     };
     let middle = items.len() / 2;
-    items.select_nth_unstable_by(middle, |a, b| a.center()[axis].total_cmp(&b.center()[axis]).then(a.index.cmp(&b.index)));
+    items.select_nth_unstable_by(middle, |a, b| {
+        a.center()[axis].total_cmp(&b.center()[axis]).then(a.index.cmp(&b.index))
+    });
     middle
 }
 
@@ -226,11 +256,16 @@ mod tests {
     #[test]
     fn every_box_is_in_one_leaf() {
         for count in [1, 2, 3, 4, 9, 100, 20_000] {
-            let spread =
-                boxes(count, |i| (Vec3A::new(i as f32 % 7.0, (i as f32).sqrt(), (i as f32).sin()), Vec3A::splat(i as f32 % 3.0)));
+            let spread = boxes(count, |i| {
+                (
+                    Vec3A::new(i as f32 % 7.0, (i as f32).sqrt(), (i as f32).sin()),
+                    Vec3A::splat(i as f32 % 3.0),
+                )
+            });
             let same = boxes(count, |_| (Vec3A::ZERO, Vec3A::ONE));
             let nested = boxes(count, |i| (Vec3A::ZERO, Vec3A::new(1.0, 1.0, i as f32)));
-            let growing = boxes(count, |i| (Vec3A::ZERO, Vec3A::splat(1.5_f32.powi(i as i32 % 80))));
+            let growing =
+                boxes(count, |i| (Vec3A::ZERO, Vec3A::splat(1.5_f32.powi(i as i32 % 80))));
             let points = boxes(count, |i| (Vec3A::splat(i as f32), Vec3A::splat(i as f32)));
             for bounds in [spread, same, nested, growing, points] {
                 let built = build(&bounds);

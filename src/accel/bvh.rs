@@ -1,4 +1,5 @@
-//! The hierarchy in Rust: one over all triangles that stand in the world, one for each mesh that instances share, and one over those instances.
+//! The hierarchy in Rust: one over all triangles that stand in the world, one for each mesh that
+//! instances share, and one over those instances.
 
 use super::build::{Built, LIMIT, build};
 use super::placement::{self, Placement};
@@ -41,7 +42,8 @@ struct Placed {
 
 impl Triangles {
     fn new(triangles: &[Triangle], ids: &[[u32; 2]]) -> Self {
-        let bounds: Vec<_> = triangles.iter().map(|t| Aabb::from_points(&t.vertices().map(Into::into))).collect();
+        let bounds: Vec<_> =
+            triangles.iter().map(|t| Aabb::from_points(&t.vertices().map(Into::into))).collect();
         let Built { nodes, order } = build(&bounds);
         Self {
             nodes,
@@ -50,9 +52,18 @@ impl Triangles {
         }
     }
 
-    /// Shortens `tmax` to the closest hit and tells it in `hit`; `instance` replaces the one in `ids` for shared meshes.
+    /// Shortens `tmax` to the closest hit and tells it in `hit`; `instance` replaces the one in
+    /// `ids` for shared meshes.
     #[inline]
-    fn intersect(&self, origin: Vec3, dir: Vec3, tmin: f32, tmax: &mut f32, instance: Option<u32>, hit: &mut Hit) {
+    fn intersect(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        tmin: f32,
+        tmax: &mut f32,
+        instance: Option<u32>,
+        hit: &mut Hit,
+    ) {
         if self.nodes.is_empty() {
             return;
         }
@@ -75,10 +86,15 @@ impl Triangles {
             return false;
         }
         let mut blocked = false;
-        traverse::traverse(&self.nodes, &Walker::new(origin, dir, tmin), &mut { tmax }, |i, tmax| {
-            blocked = self.triangles[i as usize].intersect(origin, dir, tmin, *tmax).is_some();
-            blocked
-        });
+        traverse::traverse(
+            &self.nodes,
+            &Walker::new(origin, dir, tmin),
+            &mut { tmax },
+            |i, tmax| {
+                blocked = self.triangles[i as usize].intersect(origin, dir, tmin, *tmax).is_some();
+                blocked
+            },
+        );
         blocked
     }
 
@@ -87,7 +103,8 @@ impl Triangles {
     }
 }
 
-/// Bounds in the world of an object-space box, widened by the rounding errors of the way there and back.
+/// Bounds in the world of an object-space box, widened by the rounding errors of the way there and
+/// back.
 fn world_bounds(bounds: &crate::geometry::Aabb, to_world: &Affine3A) -> Aabb {
     let corner = |i: u32| {
         let pick = |bit: u32, low: f32, high: f32| if i & bit == 0 { low } else { high };
@@ -98,7 +115,8 @@ fn world_bounds(bounds: &crate::geometry::Aabb, to_world: &Affine3A) -> Aabb {
         ))
     };
     let world = (0..8).map(corner).fold(crate::geometry::Aabb::EMPTY, crate::geometry::Aabb::with);
-    let slack = Vec3::splat(4.0 * f32::EPSILON * world.min.abs().max(world.max.abs()).max_element());
+    let slack =
+        Vec3::splat(4.0 * f32::EPSILON * world.min.abs().max(world.max.abs()).max_element());
     Aabb::new((world.min - slack).into(), (world.max + slack).into())
 }
 
@@ -128,14 +146,19 @@ impl Bvh {
                 None => {
                     let (own, own_ids): (Vec<_>, Vec<_>) = (0_u32..)
                         .zip(&mesh.indices)
-                        .filter_map(|(k, c)| Some((Triangle::new(c.map(|v| mesh.positions[v as usize]))?, [0, k])))
+                        .filter_map(|(k, c)| {
+                            Some((Triangle::new(c.map(|v| mesh.positions[v as usize]))?, [0, k]))
+                        })
                         .unzip();
                     meshes.push(Triangles::new(&own, &own_ids));
                     *mesh_slot[instance.mesh as usize].insert(meshes.len() as u32 - 1)
                 }
             };
-            let bounds =
-                mesh.indices.iter().flatten().fold(crate::geometry::Aabb::EMPTY, |b, &v| b.with(mesh.positions[v as usize]));
+            let bounds = mesh
+                .indices
+                .iter()
+                .flatten()
+                .fold(crate::geometry::Aabb::EMPTY, |b, &v| b.with(mesh.positions[v as usize]));
             let bounds = world_bounds(&bounds, &instance.to_world);
             if bounds.min.abs().max(bounds.max.abs()).cmple(Vec3A::splat(LIMIT)).all() {
                 placed.push(Placed { instance: i as u32, mesh: slot, to_object });
@@ -157,12 +180,24 @@ impl Bvh {
         let mut tmax = ray.tmax.min(f32::MAX);
         self.world.intersect(ray.origin, ray.dir, ray.tmin, &mut tmax, None, &mut hit);
         if !self.instances.is_empty() {
-            traverse::traverse(&self.instances, &Walker::new(ray.origin, ray.dir, ray.tmin), &mut tmax, |i, tmax| {
-                let placed = &self.placed[i as usize];
-                let (origin, dir) = placed.object_ray(ray);
-                self.meshes[placed.mesh as usize].intersect(origin, dir, ray.tmin, tmax, Some(placed.instance), &mut hit);
-                false
-            });
+            traverse::traverse(
+                &self.instances,
+                &Walker::new(ray.origin, ray.dir, ray.tmin),
+                &mut tmax,
+                |i, tmax| {
+                    let placed = &self.placed[i as usize];
+                    let (origin, dir) = placed.object_ray(ray);
+                    self.meshes[placed.mesh as usize].intersect(
+                        origin,
+                        dir,
+                        ray.tmin,
+                        tmax,
+                        Some(placed.instance),
+                        &mut hit,
+                    );
+                    false
+                },
+            );
         }
         hit
     }
@@ -178,12 +213,18 @@ impl Bvh {
         }
         let mut blocked = false;
         if !self.instances.is_empty() {
-            traverse::traverse(&self.instances, &Walker::new(ray.origin, ray.dir, ray.tmin), &mut tmax, |i, tmax| {
-                let placed = &self.placed[i as usize];
-                let (origin, dir) = placed.object_ray(ray);
-                blocked = self.meshes[placed.mesh as usize].occluded(origin, dir, ray.tmin, *tmax);
-                blocked
-            });
+            traverse::traverse(
+                &self.instances,
+                &Walker::new(ray.origin, ray.dir, ray.tmin),
+                &mut tmax,
+                |i, tmax| {
+                    let placed = &self.placed[i as usize];
+                    let (origin, dir) = placed.object_ray(ray);
+                    blocked =
+                        self.meshes[placed.mesh as usize].occluded(origin, dir, ray.tmin, *tmax);
+                    blocked
+                },
+            );
         }
         blocked
     }
@@ -210,7 +251,10 @@ impl Bvh {
     /// Bytes of all hierarchies.
     pub fn memory_bytes(&self) -> usize {
         let meshes: usize = self.meshes.iter().map(Triangles::memory_bytes).sum();
-        self.world.memory_bytes() + meshes + size_of_val(&*self.instances) + size_of_val(&*self.placed)
+        self.world.memory_bytes()
+            + meshes
+            + size_of_val(&*self.instances)
+            + size_of_val(&*self.placed)
     }
 }
 

@@ -8,8 +8,10 @@ use std::sync::Arc;
 
 /// No thread is pinned to a core, since the process may be a host's.
 ///
-/// The number of threads is left alone. `threads=1` would limit all of TBB in the process, the host's included, for as long as the device lives, and another
-/// device in the process would lift the limit again; and no build with 1, 2 or 16 threads has differed from another in one bit of a hit.
+/// The number of threads is left alone. `threads=1` would limit all of TBB in the process, the
+/// host's included, for as long as the device lives, and another device in the process would lift
+/// the limit again; and no build with 1, 2 or 16 threads has differed from another in one bit of a
+/// hit.
 const OPTIONS: &str = "set_affinity=0";
 
 /// The geometry as a committed scene whose hits carry our instance and triangle numbers.
@@ -28,7 +30,11 @@ fn build_on(device: &Arc<Device>, geometry: &Geometry) -> Result<Scene> {
         }
         let id = i as u32;
         if placement.to_object(i).is_none() {
-            world.add_triangles(id, placement::world_positions(geometry, i).map(|p| p.to_array()), &mesh.indices)?;
+            world.add_triangles(
+                id,
+                placement::world_positions(geometry, i).map(|p| p.to_array()),
+                &mesh.indices,
+            )?;
             continue;
         }
         let slot = &mut shared[instance.mesh as usize];
@@ -36,7 +42,11 @@ fn build_on(device: &Arc<Device>, geometry: &Geometry) -> Result<Scene> {
             Some(scene) => scene,
             None => {
                 let mut scene = SceneBuilder::new(device)?;
-                scene.add_triangles(0, mesh.positions.iter().map(|p| p.to_array()), &mesh.indices)?;
+                scene.add_triangles(
+                    0,
+                    mesh.positions.iter().map(|p| p.to_array()),
+                    &mesh.indices,
+                )?;
                 slot.insert(Arc::new(scene.commit()?))
             }
         };
@@ -61,9 +71,15 @@ mod tests {
         });
         let corners = (0..n * n).map(|i| i / n * (n + 1) + i % n);
         let once = corners.flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]);
-        let mesh =
-            TriangleMesh { positions: positions.collect(), indices: once.flat_map(|t| [t, t]).collect(), ..Default::default() };
-        Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] }
+        let mesh = TriangleMesh {
+            positions: positions.collect(),
+            indices: once.flat_map(|t| [t, t]).collect(),
+            ..Default::default()
+        };
+        Geometry {
+            meshes: vec![Arc::new(mesh)],
+            instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }],
+        }
     }
 
     #[test]
@@ -73,7 +89,14 @@ mod tests {
         // Straight down, at vertices, on edges and inside.
         let rays: Vec<_> = (0..2 * n * n)
             .map(|i| {
-                Ray::new(Vec3::new((i % (2 * n)) as f32 / (2 * n) as f32, (i / (2 * n)) as f32 / n as f32, 1.0), Vec3::NEG_Z)
+                Ray::new(
+                    Vec3::new(
+                        (i % (2 * n)) as f32 / (2 * n) as f32,
+                        (i / (2 * n)) as f32 / n as f32,
+                        1.0,
+                    ),
+                    Vec3::NEG_Z,
+                )
             })
             .collect();
         let trace = |options: &str| {

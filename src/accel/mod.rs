@@ -1,4 +1,5 @@
-//! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or by a BVH in Rust.
+//! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or
+//! by a BVH in Rust.
 
 mod build;
 mod bvh;
@@ -28,7 +29,13 @@ impl Default for Backend {
     /// Embree if it is compiled in and starts on this machine, else the BVH.
     fn default() -> Self {
         static CHOICE: OnceLock<Backend> = OnceLock::new();
-        *CHOICE.get_or_init(|| if Accel::build(&Geometry::default(), Self::Embree).is_ok() { Self::Embree } else { Self::Bvh })
+        *CHOICE.get_or_init(|| {
+            if Accel::build(&Geometry::default(), Self::Embree).is_ok() {
+                Self::Embree
+            } else {
+                Self::Bvh
+            }
+        })
     }
 }
 
@@ -49,10 +56,11 @@ impl std::str::FromStr for Backend {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|b| b.name() == name)
-            .ok_or_else(|| Error::InvalidArgument(format!("{name:?} is not a backend: choose \"embree\" or \"bvh\"")))
+        Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
+            Error::InvalidArgument(format!(
+                "{name:?} is not a backend: choose \"embree\" or \"bvh\""
+            ))
+        })
     }
 }
 
@@ -73,9 +81,11 @@ pub enum Coherence {
 
 /// A scene's triangles, ready for rays from any number of threads.
 ///
-/// Equal input gives equal bits: a hit depends on the geometry, the ray, and for [`Accel::intersect_many`] on the rays of its packet, never on
-/// threads. (Embree's last bits also depend on the CPU's generation: with and without AVX2 and AVX-512 it runs different code.) Where two triangles are hit at exactly the same distance, the BVH returns the lower (instance, triangle); Embree returns
-/// the one that its traversal meets first.
+/// Equal input gives equal bits: a hit depends on the geometry, the ray, and for
+/// [`Accel::intersect_many`] on the rays of its packet, never on threads. (Embree's last bits also
+/// depend on the CPU's generation: with and without AVX2 and AVX-512 it runs different code.) Where
+/// two triangles are hit at exactly the same distance, the BVH returns the lower (instance,
+/// triangle); Embree returns the one that its traversal meets first.
 pub struct Accel {
     tracer: Tracer,
     build_seconds: f64,
@@ -102,8 +112,8 @@ impl Accel {
     /// Builds the hierarchy. A geometry without triangles is allowed: every ray misses it.
     ///
     /// # Errors
-    /// `Error::Device` if the back end is not compiled in, does not start, or runs out of memory; `Error::InvalidArgument` if an instance names no mesh
-    /// or an index no vertex.
+    /// `Error::Device` if the back end is not compiled in, does not start, or runs out of memory;
+    /// `Error::InvalidArgument` if an instance names no mesh or an index no vertex.
     pub fn build(geometry: &Geometry, backend: Backend) -> Result<Self> {
         let start = Instant::now();
         placement::check(geometry)?;
@@ -133,22 +143,26 @@ impl Accel {
         trace!(self, tracer => tracer.occluded(ray))
     }
 
-    /// The closest hits of many rays; rays that follow one another should be alike. Both slices must have the same length.
+    /// The closest hits of many rays; rays that follow one another should be alike. Both slices
+    /// must have the same length.
     ///
-    /// Embree traces consecutive slices of 16 (of 8 on a CPU without AVX-512) as a packet, the last one partly filled. Such hits may differ from
-    /// [`Accel::intersect`]'s in the last bits and on exact ties; with [`Coherence::Bundle`] no test has shown a difference.
+    /// Embree traces consecutive slices of 16 (of 8 on a CPU without AVX-512) as a packet, the last
+    /// one partly filled. Such hits may differ from [`Accel::intersect`]'s in the last bits and
+    /// on exact ties; with [`Coherence::Bundle`] no test has shown a difference.
     pub fn intersect_many(&self, rays: &[Ray], coherence: Coherence, hits: &mut [Hit]) {
         debug_assert_eq!(rays.len(), hits.len());
         trace!(self, tracer => tracer.intersect_packets(rays, coherence == Coherence::Camera, hits));
     }
 
-    /// Whether anything is on each of many rays; rays that follow one another should be alike. Both slices must have the same length.
+    /// Whether anything is on each of many rays; rays that follow one another should be alike. Both
+    /// slices must have the same length.
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
         debug_assert_eq!(rays.len(), blocked.len());
         trace!(self, tracer => tracer.occluded_packets(rays, blocked));
     }
 
-    /// Seconds for the closest hits of `rays` without this interface around the tracer; `None` for the BVH, which has no other.
+    /// Seconds for the closest hits of `rays` without this interface around the tracer; `None` for
+    /// the BVH, which has no other.
     pub(crate) fn bare_seconds(&self, rays: &[Ray]) -> Option<f64> {
         trace!(self, tracer => tracer.bare_seconds(rays))
     }

@@ -1,4 +1,5 @@
-//! How instances enter a hierarchy: flattened into the world, or sharing one hierarchy of their mesh.
+//! How instances enter a hierarchy: flattened into the world, or sharing one hierarchy of their
+//! mesh.
 
 use crate::error::{Error, Result};
 use crate::ffi::ray::LIMIT;
@@ -6,11 +7,13 @@ use crate::geometry::{Geometry, Instance, TriangleMesh};
 use crate::math::{Affine3A, Vec3};
 use glam::DAffine3;
 
-/// A mesh of at most this many triangles is copied for each of its instances: a hierarchy of its own would cost rays more than it saves in memory.
+/// A mesh of at most this many triangles is copied for each of its instances: a hierarchy of its
+/// own would cost rays more than it saves in memory.
 const SMALL: usize = 32;
 
-/// Largest number in the linear part of a shared instance's world-to-object map. Rays have numbers up to [`crate::ffi::ray::LIMIT`], and Embree wants
-/// those of a ray in object space to stay below 1.8e18.
+/// Largest number in the linear part of a shared instance's world-to-object map. Rays have numbers
+/// up to [`crate::ffi::ray::LIMIT`], and Embree wants those of a ray in object space to stay below
+/// 1.8e18.
 const STEEPEST: f32 = 1e5;
 
 /// Which instances share a hierarchy of their mesh; the others are flattened.
@@ -26,7 +29,9 @@ impl Placement {
         }
         let place = |instance: &Instance| {
             let mesh = instance.mesh as usize;
-            (uses[mesh] > 1 && geometry.meshes[mesh].indices.len() > SMALL).then(|| object_map(&instance.to_world)).flatten()
+            (uses[mesh] > 1 && geometry.meshes[mesh].indices.len() > SMALL)
+                .then(|| object_map(&instance.to_world))
+                .flatten()
         };
         Self { to_object: geometry.instances.iter().map(place).collect() }
     }
@@ -37,17 +42,22 @@ impl Placement {
     }
 }
 
-/// The inverse of `to_world`; `None` if rays could overflow there, as in an instance that is almost flat.
+/// The inverse of `to_world`; `None` if rays could overflow there, as in an instance that is almost
+/// flat.
 fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
     let map = to_world.as_daffine3().inverse();
-    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
+    let [x, y, z] =
+        [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
     let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST)
         && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
     (map.is_finite() && in_range).then_some(map)
 }
 
 /// The positions of an instance's mesh in world space.
-pub fn world_positions(geometry: &Geometry, instance: usize) -> impl ExactSizeIterator<Item = Vec3> + Clone {
+pub fn world_positions(
+    geometry: &Geometry,
+    instance: usize,
+) -> impl ExactSizeIterator<Item = Vec3> + Clone {
     let to_world = geometry.instances[instance].to_world;
     mesh_of(geometry, instance).positions.iter().map(move |&p| to_world.transform_point3(p))
 }
@@ -63,17 +73,26 @@ pub fn mesh_of(geometry: &Geometry, instance: usize) -> &TriangleMesh {
 /// `Error::InvalidArgument` that names the instance or mesh.
 pub fn check(geometry: &Geometry) -> Result<()> {
     let most = u32::MAX as usize;
-    if geometry.instances.len() >= most || geometry.meshes.iter().any(|mesh| mesh.indices.len() >= most) {
-        return Err(Error::InvalidArgument("more instances or triangles than 32 bits can number".into()));
+    if geometry.instances.len() >= most
+        || geometry.meshes.iter().any(|mesh| mesh.indices.len() >= most)
+    {
+        return Err(Error::InvalidArgument(
+            "more instances or triangles than 32 bits can number".into(),
+        ));
     }
     for (i, instance) in geometry.instances.iter().enumerate() {
         if instance.mesh as usize >= geometry.meshes.len() {
-            return Err(Error::InvalidArgument(format!("instance {i} refers to mesh {}, which does not exist", instance.mesh)));
+            return Err(Error::InvalidArgument(format!(
+                "instance {i} refers to mesh {}, which does not exist",
+                instance.mesh
+            )));
         }
     }
     for (i, mesh) in geometry.meshes.iter().enumerate() {
         let vertices = mesh.positions.len();
-        if let Some(triangle) = mesh.indices.iter().position(|t| t.iter().any(|&v| v as usize >= vertices)) {
+        if let Some(triangle) =
+            mesh.indices.iter().position(|t| t.iter().any(|&v| v as usize >= vertices))
+        {
             return Err(Error::InvalidArgument(format!(
                 "mesh {i} ({}): triangle {triangle} refers to a vertex beyond its {vertices}",
                 mesh.name

@@ -11,8 +11,10 @@ use glam::DMat3;
 /// H_lm(θ, φ) ∝ P_l|m|(2 cos θ - 1) · { cos mφ; sin |m|φ }
 /// ```
 ///
-/// They are spherical harmonics of the direction ψ(w) with the same azimuth whose cosine is `2 cos θ - 1`. The map ψ takes the hemisphere to the sphere and doubles every area, so
-/// `H_lm(w) = √2 Y_lm(ψ(w))`. At the horizon functions with odd m behave like √cos θ: their derivatives grow without bound there.
+/// They are spherical harmonics of the direction ψ(w) with the same azimuth whose cosine is `2 cos
+/// θ - 1`. The map ψ takes the hemisphere to the sphere and doubles every area, so `H_lm(w) = √2
+/// Y_lm(ψ(w))`. At the horizon functions with odd m behave like √cos θ: their derivatives grow
+/// without bound there.
 pub struct Hsh(Sh);
 
 impl Hsh {
@@ -40,7 +42,8 @@ impl Basis for Hsh {
         self.0.values(&stretched, out);
     }
 
-    /// By the chain rule through ψ extended to `Ψ(v) = (g x, g y, 2z - r)`, `g = 2 sqrt(z/(r+z))`, r = |v|, for which |Ψ(v)| = |v|.
+    /// By the chain rule through ψ extended to `Ψ(v) = (g x, g y, 2z - r)`, `g = 2 sqrt(z/(r+z))`,
+    /// r = |v|, for which |Ψ(v)| = |v|.
     fn jets(&self, w: DVec3, hessians: bool, out: &mut [Jet]) {
         let z = w.z.max(MIN_COS);
         let w = DVec3::new(w.x, w.y, z);
@@ -65,12 +68,15 @@ impl Basis for Hsh {
                 + (outer(DVec3::Z, w) + outer(w, DVec3::Z)) * gzr
                 + outer(w, w) * grr
                 + hess_r * gr;
-            let mixed = |e: DVec3, component: f64| outer(e, grad_g) + outer(grad_g, e) + hess_g * component;
+            let mixed =
+                |e: DVec3, component: f64| outer(e, grad_g) + outer(grad_g, e) + hess_g * component;
             bends = [mixed(DVec3::X, w.x), mixed(DVec3::Y, w.y), -hess_r];
         }
         for jet in &mut out[..self.count()] {
             if hessians {
-                let bent = bends[0] * jet.gradient.x + bends[1] * jet.gradient.y + bends[2] * jet.gradient.z;
+                let bent = bends[0] * jet.gradient.x
+                    + bends[1] * jet.gradient.y
+                    + bends[2] * jet.gradient.z;
                 jet.hessian = transposed * jet.hessian * transposed.transpose() + bent;
             }
             jet.gradient = transposed * jet.gradient;

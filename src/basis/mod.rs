@@ -1,7 +1,8 @@
-//! Orthonormal bases for functions of direction: real spherical harmonics on the sphere, hemispherical harmonics on the hemisphere.
+//! Orthonormal bases for functions of direction: real spherical harmonics on the sphere,
+//! hemispherical harmonics on the hemisphere.
 //!
-//! A function of *order* n has the bands l = 0 .. n-1, n² coefficients; function (l, m), -l ≤ m ≤ l, has the index `l² + l + m`. Every basis function is a zonal part
-//! times a trigonometric one,
+//! A function of *order* n has the bands l = 0 .. n-1, n² coefficients; function (l, m), -l ≤ m ≤
+//! l, has the index `l² + l + m`. Every basis function is a zonal part times a trigonometric one,
 //!
 //! ```text
 //! B_lm(θ, φ) = T_l|m|(θ) · { cos mφ  for m ≥ 0;  sin |m|φ  for m < 0 }
@@ -36,8 +37,9 @@ pub const MAX_ORDER: usize = 32;
 
 /// A basis function at a direction with its derivatives as a function on the sphere of directions.
 ///
-/// The function is taken to be constant along rays from the origin, `B(v) = B(v/|v|)`; the derivatives are those with respect to v at the unit vector w. For the direction
-/// `w = (y - x)/r` from a moving point x to a fixed y, `∇_x B = -gradient/r` and `Hess_x B = hessian/r²`.
+/// The function is taken to be constant along rays from the origin, `B(v) = B(v/|v|)`; the
+/// derivatives are those with respect to v at the unit vector w. For the direction `w = (y - x)/r`
+/// from a moving point x to a fixed y, `∇_x B = -gradient/r` and `Hess_x B = hessian/r²`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jet {
     /// B(w).
@@ -58,10 +60,12 @@ pub trait Basis: Send + Sync {
         self.order() * self.order()
     }
 
-    /// All functions at eight unit directions; the first [`Basis::count`] elements of `out` are written.
+    /// All functions at eight unit directions; the first [`Basis::count`] elements of `out` are
+    /// written.
     fn values(&self, w: &[Vec3; LANES], out: &mut [Lane]);
 
-    /// All functions at one unit direction with their first derivatives, and with the second ones if `hessians` is set. Double precision: second derivatives of high bands cancel.
+    /// All functions at one unit direction with their first derivatives, and with the second ones
+    /// if `hessians` is set. Double precision: second derivatives of high bands cancel.
     fn jets(&self, w: DVec3, hessians: bool, out: &mut [Jet]);
 }
 
@@ -85,7 +89,8 @@ impl BasisKind {
     }
 }
 
-/// The zonal factors T_lm, 0 ≤ m ≤ l, at the angle with the cosine `z`, in the order of [`triangle`]; `out` is overwritten.
+/// The zonal factors T_lm, 0 ≤ m ≤ l, at the angle with the cosine `z`, in the order of
+/// [`triangle`]; `out` is overwritten.
 pub fn zonal_factors(basis: &dyn Basis, z: &[f32; LANES], out: &mut Vec<Lane>) {
     // What the functions are at azimuth 0.
     let mut values = vec![Lane::default(); basis.count()];
@@ -108,5 +113,6 @@ pub fn index(l: usize, m: i32) -> usize {
     ((l * l + l) as i32 + m) as usize
 }
 
-/// The coefficients of cos θ in hemispherical harmonics, `cos θ = a H_00 + b H_10` exactly: with the coefficients λ of incident radiance, irradiance is `a λ_00 + b λ_10`.
+/// The coefficients of cos θ in hemispherical harmonics, `cos θ = a H_00 + b H_10` exactly: with
+/// the coefficients λ of incident radiance, irradiance is `a λ_00 + b λ_10`.
 pub const HSH_COSINE: [f32; 2] = [1.253_314_1, 0.723_601_2];

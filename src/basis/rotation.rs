@@ -16,7 +16,8 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// The rotation that takes local coordinates in the frame `from` to those in `to`: of a function given in the local frame `from`, its rotated coefficients are those in `to`.
+    /// The rotation that takes local coordinates in the frame `from` to those in `to`: of a
+    /// function given in the local frame `from`, its rotated coefficients are those in `to`.
     pub fn between(from: &Frame, to: &Frame) -> Self {
         // R_ij = to_i · from_j; the tilt's axis lies along the projection of from.n.
         let pole = to.to_local(from.n);
@@ -48,7 +49,8 @@ impl Turn {
     }
 }
 
-/// Rotates the function with the given coefficients of any basis about the pole by `angle`: exactly. The length of `coefficients` is the square of the order.
+/// Rotates the function with the given coefficients of any basis about the pole by `angle`:
+/// exactly. The length of `coefficients` is the square of the order.
 pub fn rotate_z(coefficients: &mut [f32], angle: f32) {
     if angle == 0.0 {
         return;
@@ -69,7 +71,8 @@ pub fn rotate_z(coefficients: &mut [f32], angle: f32) {
 
 /// Rotation of spherical harmonics of one order by any [`Turn`].
 pub struct ShRotation {
-    /// Rotation by -90° about x, which takes z to y, band after band, each a square matrix by rows.
+    /// Rotation by -90° about x, which takes z to y, band after band, each a square matrix by
+    /// rows.
     quarter: Vec<f32>,
     /// Tilts up to this angle are made by the series.
     series_below: f32,
@@ -85,13 +88,16 @@ impl ShRotation {
         let nodes = gauss_legendre(order, -1.0, 1.0);
         let columns = 2 * order;
         let mut matrices = vec![0f64; (0..order).map(|l| (2 * l + 1) * (2 * l + 1)).sum()];
-        let (mut here, mut turned) = (vec![Lane::default(); order * order], vec![Lane::default(); order * order]);
-        // Products of two functions of one band are polynomials that this quadrature integrates exactly.
+        let (mut here, mut turned) =
+            (vec![Lane::default(); order * order], vec![Lane::default(); order * order]);
+        // Products of two functions of one band are polynomials that this quadrature integrates
+        // exactly.
         for &(z, weight) in &nodes {
             let r = (1.0 - z * z).sqrt();
             for first in (0..columns).step_by(LANES) {
                 let w: [Vec3; LANES] = std::array::from_fn(|k| {
-                    let (s, c) = (std::f64::consts::TAU * (first + k) as f64 / columns as f64).sin_cos();
+                    let (s, c) =
+                        (std::f64::consts::TAU * (first + k) as f64 / columns as f64).sin_cos();
                     Vec3::new((r * c) as f32, (r * s) as f32, z as f32)
                 });
                 sh.values(&w, &mut here);
@@ -104,7 +110,9 @@ impl ShRotation {
                     let band = l * l..(l + 1) * (l + 1);
                     for i in band.clone() {
                         for j in band.clone() {
-                            let sum: f64 = (0..lanes).map(|k| f64::from(here[i][k]) * f64::from(turned[j][k])).sum();
+                            let sum: f64 = (0..lanes)
+                                .map(|k| f64::from(here[i][k]) * f64::from(turned[j][k]))
+                                .sum();
                             matrices[at] += weight * sum;
                             at += 1;
                         }
@@ -115,12 +123,15 @@ impl ShRotation {
         let bands = (order - 1).max(1) as f32;
         Self {
             quarter: matrices.iter().map(|x| *x as f32).collect(),
-            // The remainder of exp(βG) after the second order is at most (β‖G‖)³/6, and ‖G‖ is the highest l.
+            // The remainder of exp(βG) after the second order is at most (β‖G‖)³/6, and ‖G‖ is the
+            // highest l.
             series_below: (6.0 * SERIES_ERROR).cbrt() / bands,
         }
     }
 
-    /// Rotates the function with the coefficients `c`, which may be of a lower order: by factorisation into rotations about the pole and two quarter turns, exact up to rounding; by a series where that errs by less than 0.1 %.
+    /// Rotates the function with the coefficients `c`, which may be of a lower order: by
+    /// factorisation into rotations about the pole and two quarter turns, exact up to rounding; by
+    /// a series where that errs by less than 0.1 %.
     pub fn rotate(&self, c: &mut [f32], turn: Turn) {
         rotate_z(c, turn.gamma);
         if turn.beta <= self.series_below {
@@ -143,7 +154,8 @@ impl ShRotation {
             let band = &mut c[l * l..(l + 1) * (l + 1)];
             let matrix = &self.quarter[at..at + width * width];
             for (i, out) in out[..width].iter_mut().enumerate() {
-                let element = |j: usize| if inverse { matrix[j * width + i] } else { matrix[i * width + j] };
+                let element =
+                    |j: usize| if inverse { matrix[j * width + i] } else { matrix[i * width + j] };
                 *out = band.iter().enumerate().map(|(j, x)| element(j) * x).sum();
             }
             band.copy_from_slice(&out[..width]);
@@ -151,7 +163,8 @@ impl ShRotation {
         }
     }
 
-    /// `c + β G c + β²/2 G² c` with the generator G of rotations about y [Krivanek06, for tilts by small angles].
+    /// `c + β G c + β²/2 G² c` with the generator G of rotations about y [Krivanek06, for tilts by
+    /// small angles].
     fn series(&self, c: &mut [f32], beta: f32) {
         let mut term = c.to_vec();
         for k in [1.0, 2.0] {
@@ -169,8 +182,11 @@ impl ShRotation {
         for l in 1..c.len().isqrt() {
             let li = l as i32;
             for m in 0..li {
-                let g =
-                    if m == 0 { (0.5 * (l * (l + 1)) as f32).sqrt() } else { 0.5 * (((li - m) * (li + m + 1)) as f32).sqrt() };
+                let g = if m == 0 {
+                    (0.5 * (l * (l + 1)) as f32).sqrt()
+                } else {
+                    0.5 * (((li - m) * (li + m + 1)) as f32).sqrt()
+                };
                 let mut couple = |low: usize, high: usize| {
                     out[high] += g * c[low];
                     out[low] -= g * c[high];

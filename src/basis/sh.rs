@@ -10,7 +10,8 @@ pub struct Sh {
     order: usize,
     /// T_mm / sin^m θ for each m, the factor √2 of m > 0 included.
     first: Vec<f32>,
-    /// Coefficients (a, b) of `P_lm = a (z P_{l-1,m} - b P_{l-2,m})` for each m and then l = m+1 .. n-1.
+    /// Coefficients (a, b) of `P_lm = a (z P_{l-1,m} - b P_{l-2,m})` for each m and then l = m+1
+    /// .. n-1.
     steps: Vec<[f32; 2]>,
     /// Normalisation of the unnormalised Legendre derivatives, by `triangle(l, m)`.
     norms: Vec<f64>,
@@ -51,9 +52,12 @@ impl Sh {
         Self { order, first, steps, norms }
     }
 
-    /// All functions at eight unit directions, each with the components along x and y of its gradient on the sphere, that of [`Jet`]: the first [`Basis::count`] elements of `out` are written.
+    /// All functions at eight unit directions, each with the components along x and y of its
+    /// gradient on the sphere, that of [`Jet`]: the first [`Basis::count`] elements of `out` are
+    /// written.
     ///
-    /// Single precision. With `Y = P(z) C(x, y)`, C being the trigonometric factor times sin^m θ, the gradient is that of this polynomial without its radial part: `x∂C/∂x + y∂C/∂y = m C`.
+    /// Single precision. With `Y = P(z) C(x, y)`, C being the trigonometric factor times sin^m θ,
+    /// the gradient is that of this polynomial without its radial part: `x∂C/∂x + y∂C/∂y = m C`.
     pub fn slopes(&self, w: &[Vec3; LANES], out: &mut [[Lane; 3]]) {
         let lanes = |f: &dyn Fn(Vec3) -> f32| w.map(f);
         let (x, y, z) = (lanes(&|w| w.x), lanes(&|w| w.y), lanes(&|w| w.z));
@@ -99,8 +103,9 @@ impl Sh {
         }
     }
 
-    /// The derivatives Q_lm of Legendre's polynomials as homogeneous polynomials of (x, y, z), at a unit vector: `Q_mm = (2m-1)!!`,
-    /// `(l-m) Q_lm = (2l-1) z Q_{l-1,m} - (l+m-1) (x²+y²+z²) Q_{l-2,m}`.
+    /// The derivatives Q_lm of Legendre's polynomials as homogeneous polynomials of (x, y, z), at a
+    /// unit vector: `Q_mm = (2m-1)!!`, `(l-m) Q_lm = (2l-1) z Q_{l-1,m} - (l+m-1) (x²+y²+z²)
+    /// Q_{l-2,m}`.
     fn legendre(&self, z: f64) -> Vec<f64> {
         let mut q = vec![0.0; triangle(self.order, 0)];
         let mut diagonal = 1.0;
@@ -111,7 +116,8 @@ impl Sh {
             let (mut p0, mut p1) = (0.0, diagonal);
             q[triangle(m, m)] = diagonal;
             for l in m + 1..self.order {
-                (p0, p1) = (p1, ((2 * l - 1) as f64 * z * p1 - (l + m - 1) as f64 * p0) / (l - m) as f64);
+                (p0, p1) =
+                    (p1, ((2 * l - 1) as f64 * z * p1 - (l + m - 1) as f64 * p0) / (l - m) as f64);
                 q[triangle(l, m)] = p1;
             }
         }
@@ -119,7 +125,8 @@ impl Sh {
     }
 }
 
-/// `T = C_m` or `S_m`, real or imaginary part of (x + iy)^m, with its derivatives: T, T_x, T_y, T_xx, T_xy; T_yy is -T_xx.
+/// `T = C_m` or `S_m`, real or imaginary part of (x + iy)^m, with its derivatives: T, T_x, T_y,
+/// T_xx, T_xy; T_yy is -T_xx.
 fn trigonometric(powers: &[[f64; 2]], m: usize, sine: bool) -> [f64; 5] {
     let part = usize::from(sine);
     let power = |k: i32| if k < 0 { [0.0; 2] } else { powers[k as usize] };
@@ -127,7 +134,13 @@ fn trigonometric(powers: &[[f64; 2]], m: usize, sine: bool) -> [f64; 5] {
     let (m, one, two) = (m as f64, power(k - 1), power(k - 2));
     // d/dy (x+iy)^m = i m (x+iy)^(m-1): the real part is -m S, the imaginary one m C.
     let turned = |p: [f64; 2]| if sine { p[0] } else { -p[1] };
-    [powers[k as usize][part], m * one[part], m * turned(one), m * (m - 1.0) * two[part], m * (m - 1.0) * turned(two)]
+    [
+        powers[k as usize][part],
+        m * one[part],
+        m * turned(one),
+        m * (m - 1.0) * two[part],
+        m * (m - 1.0) * turned(two),
+    ]
 }
 
 impl Basis for Sh {
@@ -168,7 +181,8 @@ impl Basis for Sh {
         }
     }
 
-    /// Solid harmonics in Cartesian form, which have no singular directions: `R_lm = N Q_l|m| T_m` with `∂Q_lm/∂x = -x Q_{l-1,m+1}`, `∂Q_lm/∂z = (l+m) Q_{l-1,m}`.
+    /// Solid harmonics in Cartesian form, which have no singular directions: `R_lm = N Q_l|m| T_m`
+    /// with `∂Q_lm/∂x = -x Q_{l-1,m+1}`, `∂Q_lm/∂z = (l+m) Q_{l-1,m}`.
     fn jets(&self, w: DVec3, hessians: bool, out: &mut [Jet]) {
         let DVec3 { x, y, z } = w;
         let q = self.legendre(z);
@@ -186,7 +200,8 @@ impl Basis for Sh {
                 let (q0, q1) = (q(li, am), q(li - 1, am + 1));
                 let (sum, below) = ((l + am) as f64, q(li - 1, am));
                 let value = q0 * t;
-                let gradient = DVec3::new(-x * q1 * t + q0 * tx, -y * q1 * t + q0 * ty, sum * below * t);
+                let gradient =
+                    DVec3::new(-x * q1 * t + q0 * tx, -y * q1 * t + q0 * ty, sum * below * t);
                 let norm = self.norms[triangle(l, am)];
                 let jet = &mut out[index(l, m)];
                 // To the extension of degree 0: R/|v|^l.
@@ -201,10 +216,16 @@ impl Basis for Sh {
                     let xz = sum * (-x * qz1 * t + below * tx);
                     let yz = sum * (-y * qz1 * t + below * ty);
                     let zz = sum * (sum - 1.0) * q(li - 2, am) * t;
-                    let solid = DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz));
+                    let solid = DMat3::from_cols(
+                        DVec3::new(xx, xy, xz),
+                        DVec3::new(xy, yy, yz),
+                        DVec3::new(xz, yz, zz),
+                    );
                     let radial = outer(gradient, w) + outer(w, gradient);
                     let constant = DMat3::from_diagonal(DVec3::splat(lf * value));
-                    jet.hessian = (solid - radial * lf - constant + outer(w, w) * (lf * (lf + 2.0) * value)) * norm;
+                    jet.hessian = (solid - radial * lf - constant
+                        + outer(w, w) * (lf * (lf + 2.0) * value))
+                        * norm;
                 }
             }
         }
@@ -223,8 +244,10 @@ mod tests {
     #[test]
     fn slopes_are_the_first_two_components_of_the_gradients() {
         let sh = Sh::new(12);
-        let (mut out, mut jets) = (vec![[Lane::default(); 3]; sh.count()], vec![Jet::default(); sh.count()]);
-        // Directions that wind from one pole to the other, which they miss, the pole itself and the horizon.
+        let (mut out, mut jets) =
+            (vec![[Lane::default(); 3]; sh.count()], vec![Jet::default(); sh.count()]);
+        // Directions that wind from one pole to the other, which they miss, the pole itself and the
+        // horizon.
         let mut w: [Vec3; LANES] = std::array::from_fn(|k| {
             let (phi, z) = (2.4 * k as f32, 0.95 - 0.26 * k as f32);
             Vec3::new(phi.cos(), phi.sin(), 0.0) * (1.0 - z * z).sqrt() + z * Vec3::Z
@@ -236,7 +259,12 @@ mod tests {
             for (got, jet) in out.iter().zip(&jets) {
                 let expected = [jet.value, jet.gradient.x, jet.gradient.y];
                 for (g, e) in got.iter().zip(expected) {
-                    assert!((f64::from(g[k]) - e).abs() < 1e-4, "{} instead of {e} at {}", g[k], w[k]);
+                    assert!(
+                        (f64::from(g[k]) - e).abs() < 1e-4,
+                        "{} instead of {e} at {}",
+                        g[k],
+                        w[k]
+                    );
                 }
             }
         }

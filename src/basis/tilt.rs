@@ -6,14 +6,16 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Rotation of hemispherical harmonics of one order.
 ///
-/// A tilted hemisphere is not the old one: part of the function sinks below the horizon, and nothing is known of what rises above it, so the tilted function is not a combination of the same
+/// A tilted hemisphere is not the old one: part of the function sinks below the horizon, and
+/// nothing is known of what rises above it, so the tilted function is not a combination of the same
 /// functions. The tilt by β is therefore the projection
 ///
 /// ```text
 /// M(β)_ij = ∫_H H_i(w) H_j(R⁻¹w) [R⁻¹w ∈ H] dw
 /// ```
 ///
-/// tabulated over β and interpolated. It loses what sinks: a rotated constant has 0.984 of its norm after 5°, 0.938 after 20°.
+/// tabulated over β and interpolated. It loses what sinks: a rotated constant has 0.984 of its norm
+/// after 5°, 0.938 after 20°.
 pub struct Tilt {
     /// Indices of the functions even and odd in y, which a tilt about y does not mix.
     families: [Vec<usize>; 2],
@@ -25,13 +27,15 @@ pub struct Tilt {
 
 /// Largest tilt in degrees; larger ones are taken to be this.
 const MAX_DEGREES: f64 = 45.0;
-/// Nodes of the quadrature for each band, across the lune and along half of it: products of two functions of order n are of degree 4n.
+/// Nodes of the quadrature for each band, across the lune and along half of it: products of two
+/// functions of order n are of degree 4n.
 const NODES: (usize, usize) = (4, 3);
 /// Lower orders have the nodes of this one.
 const FEWEST_BANDS: usize = 6;
 
 impl Tilt {
-    /// Tilts of harmonics of `order`: 0.1 s of work for order 10, on one thread, so that it may be done while other threads of a pool wait for it.
+    /// Tilts of harmonics of `order`: 0.1 s of work for order 10, on one thread, so that it may be
+    /// done while other threads of a pool wait for it.
     pub fn new(order: usize) -> Self {
         let hsh = Hsh::new(order);
         let mut families = [Vec::new(), Vec::new()];
@@ -46,7 +50,8 @@ impl Tilt {
         Self { families, tables, step: step as f32 }
     }
 
-    /// Rotates the function with the coefficients `c`, which may be of a lower order; what the tilt moves to higher bands is cut off.
+    /// Rotates the function with the coefficients `c`, which may be of a lower order; what the tilt
+    /// moves to higher bands is cut off.
     pub fn rotate(&self, c: &mut [f32], turn: Turn) {
         rotate_z(c, turn.gamma);
         let t = turn.beta / self.step;
@@ -84,8 +89,10 @@ fn dot(low: &[f32], high: &[f32], t: f32, x: &[f32]) -> f32 {
 /// The matrices of one tilt: a quadrature over the lune that both hemispheres share.
 fn table(hsh: &Hsh, families: &[Vec<usize>; 2], beta: f64) -> Vec<f32> {
     let mut matrix = vec![0f32; families.iter().map(|f| f.len() * f.len()).sum()];
-    let (mut here, mut there) = (vec![Lane::default(); hsh.count()], vec![Lane::default(); hsh.count()]);
-    // w = (ρ cos t, y, ρ sin t), and R⁻¹ w has t + β. Both variables are substituted so that the √cos θ of the functions at the two horizons is smooth. By symmetry y > 0 is enough.
+    let (mut here, mut there) =
+        (vec![Lane::default(); hsh.count()], vec![Lane::default(); hsh.count()]);
+    // w = (ρ cos t, y, ρ sin t), and R⁻¹ w has t + β. Both variables are substituted so that the
+    // √cos θ of the functions at the two horizons is smooth. By symmetry y > 0 is enough.
     let bands = hsh.order().max(FEWEST_BANDS);
     let mut nodes = Vec::new();
     for (v, weight_v) in gauss_legendre(NODES.1 * bands, 0.0, 1.0) {

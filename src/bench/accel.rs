@@ -1,4 +1,5 @@
-//! Both tracers on the kinds of rays that caching casts: how long a build takes, how much memory it holds, how many rays it traces per second.
+//! Both tracers on the kinds of rays that caching casts: how long a build takes, how much memory it
+//! holds, how many rays it traces per second.
 
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::error::Result;
@@ -29,11 +30,13 @@ impl Default for Options {
 pub struct AccelReport {
     /// Triangles as seen by rays.
     pub triangles: usize,
-    /// Rays of each kind; bundles and bounces start where camera rays hit, so there are fewer of them if many miss.
+    /// Rays of each kind; bundles and bounces start where camera rays hit, so there are fewer of
+    /// them if many miss.
     pub rays: RayCounts,
     /// One entry for each back end that this build has, Embree first.
     pub backends: Vec<BackendReport>,
-    /// Bundle throughput of [`Accel::intersect_many`] relative to a bare loop over packets that were laid out before; `None` without Embree.
+    /// Bundle throughput of [`Accel::intersect_many`] relative to a bare loop over packets that
+    /// were laid out before; `None` without Embree.
     pub relative_to_bare_embree: Option<f64>,
 }
 
@@ -42,7 +45,8 @@ pub struct AccelReport {
 pub struct RayCounts {
     /// Neighbouring pixels.
     pub camera: usize,
-    /// 256 cosine-distributed directions from each of many surface points: what a record's gather casts.
+    /// 256 cosine-distributed directions from each of many surface points: what a record's gather
+    /// casts.
     pub bundle: usize,
     /// One random direction from each surface point, traced one by one.
     pub bounce: usize,
@@ -98,10 +102,15 @@ fn point(i: usize) -> (f32, f32) {
 /// The direction that a point of the unit square maps to, with density cos / π around `n`.
 fn cosine_direction(n: Vec3, (x, y): (f32, f32)) -> Vec3 {
     let (radius, phi) = (x.sqrt(), 2.0 * PI * y);
-    Frame::from_normal(n).to_world(Vec3::new(radius * phi.cos(), radius * phi.sin(), (1.0 - x).max(0.0).sqrt()))
+    Frame::from_normal(n).to_world(Vec3::new(
+        radius * phi.cos(),
+        radius * phi.sin(),
+        (1.0 - x).max(0.0).sqrt(),
+    ))
 }
 
-/// Point `i` of a 16 x 16 stratification, in blocks of 4 x 4 so that 16 consecutive points lie close together.
+/// Point `i` of a 16 x 16 stratification, in blocks of 4 x 4 so that 16 consecutive points lie
+/// close together.
 fn stratum(i: usize) -> (f32, f32) {
     let (block, inner) = (i / 16, i % 16);
     let (x, y) = (block / 4 * 4 + inner / 4, block % 4 * 4 + inner % 4);
@@ -130,7 +139,8 @@ impl Workload {
                 (0..BUNDLE).map(move |k| Ray::new(origin, cosine_direction(n, stratum(k))))
             })
             .collect();
-        // A stride that shares no factor with the count visits every start once, in an order without coherence.
+        // A stride that shares no factor with the count visits every start once, in an order
+        // without coherence.
         let count = starts.len();
         let stride = (count * 618 / 1000..).find(|&s| gcd(s, count) == 1).unwrap_or(1);
         let bounce = (0..count)
@@ -144,7 +154,8 @@ impl Workload {
             .enumerate()
             .map(|(i, &(origin, _))| {
                 let ((x, z), (y, _)) = (point(i), point(i + 1));
-                let target = bounds.min + (bounds.max - bounds.min) * Vec3::new(x, 0.5 + 0.5 * y, z);
+                let target =
+                    bounds.min + (bounds.max - bounds.min) * Vec3::new(x, 0.5 + 0.5 * y, z);
                 Ray { tmax: 0.999, ..Ray::new(origin, target - origin) }
             })
             .collect();
@@ -156,7 +167,8 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// Rays that are timed together. The fastest of several repetitions counts for each batch, so that a disturbance costs one repetition of one batch.
+/// Rays that are timed together. The fastest of several repetitions counts for each batch, so that
+/// a disturbance costs one repetition of one batch.
 const BATCH: usize = 1 << 16;
 
 /// The kinds of rays, in the order of [`Throughput`]'s fields.
@@ -169,7 +181,13 @@ enum Kind {
 }
 
 /// Seconds that `tracer` takes for one batch.
-fn seconds(tracer: &Accel, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mut [bool]) -> f64 {
+fn seconds(
+    tracer: &Accel,
+    kind: Kind,
+    rays: &[Ray],
+    hits: &mut [Hit],
+    blocked: &mut [bool],
+) -> f64 {
     let start = Instant::now();
     match kind {
         Kind::Camera => tracer.intersect_many(rays, Coherence::Camera, &mut hits[..rays.len()]),
@@ -180,17 +198,26 @@ fn seconds(tracer: &Accel, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: 
     start.elapsed().as_secs_f64()
 }
 
-/// Measures every back end of this build on `geometry`. `camera_rays` gives about as many rays as it is asked for, in the order of a renderer's tiles.
+/// Measures every back end of this build on `geometry`. `camera_rays` gives about as many rays as
+/// it is asked for, in the order of a renderer's tiles.
 ///
-/// The back ends take turns on each batch, so that a change of the machine's load meets all of them.
+/// The back ends take turns on each batch, so that a change of the machine's load meets all of
+/// them.
 ///
 /// # Errors
 /// What [`Accel::build`] returns.
-pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, options: Options) -> Result<AccelReport> {
+pub fn run(
+    geometry: &Geometry,
+    camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>,
+    options: Options,
+) -> Result<AccelReport> {
     let _guard = FlushDenormals::new();
-    let backends: Vec<Backend> =
-        Backend::ALL.into_iter().filter(|&b| b == Backend::Bvh || Backend::default() == Backend::Embree).collect();
-    let mut tracers = backends.iter().map(|&b| Accel::build(geometry, b)).collect::<Result<Vec<_>>>()?;
+    let backends: Vec<Backend> = Backend::ALL
+        .into_iter()
+        .filter(|&b| b == Backend::Bvh || Backend::default() == Backend::Embree)
+        .collect();
+    let mut tracers =
+        backends.iter().map(|&b| Accel::build(geometry, b)).collect::<Result<Vec<_>>>()?;
     let workload = Workload::new(geometry, &tracers[0], camera_rays(options.rays), options.rays);
 
     let mut build: Vec<f64> = tracers.iter().map(Accel::build_seconds).collect();
@@ -217,7 +244,9 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
             for _ in 0..options.repetitions.max(1) {
                 for (best, tracer) in best.iter_mut().zip(&tracers) {
                     *best = best.min(seconds(tracer, kind, batch, &mut hits, &mut blocked));
-                    if let Some(time) = (kind == Kind::Bundle).then(|| tracer.bare_seconds(batch)).flatten() {
+                    if let Some(time) =
+                        (kind == Kind::Bundle).then(|| tracer.bare_seconds(batch)).flatten()
+                    {
                         best_bare = Some(time.min(best_bare.unwrap_or(f64::INFINITY)));
                     }
                 }
@@ -233,7 +262,8 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
         bounce: workload.bounce.len(),
         occlusion: workload.occlusion.len(),
     };
-    let rate = |count: usize, seconds: f64| if count == 0 { 0.0 } else { 1e-6 * count as f64 / seconds };
+    let rate =
+        |count: usize, seconds: f64| if count == 0 { 0.0 } else { 1e-6 * count as f64 / seconds };
     let backends = tracers
         .iter()
         .zip(build.iter().zip(&trace))
@@ -259,7 +289,8 @@ pub fn run(geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, 
 }
 
 impl AccelReport {
-    /// The report as a text table: one column for each back end and, if there are two, the first divided by the second.
+    /// The report as a text table: one column for each back end and, if there are two, the first
+    /// divided by the second.
     pub fn table(&self) -> String {
         type Row = (&'static str, fn(&BackendReport) -> f64);
         let rows: [Row; 6] = [
@@ -289,7 +320,11 @@ impl AccelReport {
             text.push('\n');
         }
         if let Some(relative) = self.relative_to_bare_embree {
-            let _ = writeln!(text, "bundles through this interface run at {:.0} % of a bare Embree loop", 100.0 * relative);
+            let _ = writeln!(
+                text,
+                "bundles through this interface run at {:.0} % of a bare Embree loop",
+                100.0 * relative
+            );
         }
         text
     }
@@ -302,19 +337,24 @@ mod tests {
     use crate::math::Affine3A;
     use std::sync::Arc;
 
-    /// A hall: a bumpy shell of 2 n² triangles on each of six sides, seen from inside, with `blobs` bumpy spheres that share their triangles, or are
-    /// copies of their own.
+    /// A hall: a bumpy shell of 2 n² triangles on each of six sides, seen from inside, with `blobs`
+    /// bumpy spheres that share their triangles, or are copies of their own.
     fn hall(n: u32, blobs: u32, shared: bool) -> Geometry {
         let grid = |shape: &dyn Fn(f32, f32) -> Vec3| {
             let at = |i: u32| i as f32 / n as f32 * 2.0 - 1.0;
-            let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(|(i, j)| shape(at(i), at(j))).collect();
+            let positions = (0..=n)
+                .flat_map(|j| (0..=n).map(move |i| (i, j)))
+                .map(|(i, j)| shape(at(i), at(j)))
+                .collect();
             let indices = (0..n)
                 .flat_map(|j| (0..n).map(move |i| j * (n + 1) + i))
                 .flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]])
                 .collect();
             TriangleMesh { positions, indices, ..Default::default() }
         };
-        let bump = |p: Vec3, size: f32| p * (1.0 + size * (17.0 * p.x).sin() * (13.0 * p.y).sin() * (19.0 * p.z).sin());
+        let bump = |p: Vec3, size: f32| {
+            p * (1.0 + size * (17.0 * p.x).sin() * (13.0 * p.y).sin() * (19.0 * p.z).sin())
+        };
         let sides: [fn(f32, f32) -> Vec3; 6] = [
             |u, v| Vec3::new(u, v, 1.0),
             |u, v| Vec3::new(u, v, -1.0),
@@ -326,7 +366,10 @@ mod tests {
         let mut geometry = Geometry::default();
         for side in sides {
             geometry.meshes.push(Arc::new(grid(&|u, v| bump(side(u, v), 0.04))));
-            geometry.instances.push(Instance { mesh: geometry.meshes.len() as u32 - 1, to_world: Affine3A::IDENTITY });
+            geometry.instances.push(Instance {
+                mesh: geometry.meshes.len() as u32 - 1,
+                to_world: Affine3A::IDENTITY,
+            });
         }
         let blob = Arc::new(grid(&|u, v| {
             let (theta, phi) = ((v + 1.0) * 0.5 * PI, u * PI);
@@ -337,9 +380,10 @@ mod tests {
                 geometry.meshes.push(blob.clone());
             }
             let ((x, z), (y, size)) = (point(i as usize), point(i as usize + 77));
-            let to_world = Affine3A::from_translation(1.4 * Vec3::new(x - 0.5, 0.5 * y - 0.5, z - 0.5))
-                * Affine3A::from_scale(Vec3::splat(0.08 + 0.1 * size))
-                * Affine3A::from_rotation_y(i as f32);
+            let to_world =
+                Affine3A::from_translation(1.4 * Vec3::new(x - 0.5, 0.5 * y - 0.5, z - 0.5))
+                    * Affine3A::from_scale(Vec3::splat(0.08 + 0.1 * size))
+                    * Affine3A::from_rotation_y(i as f32);
             geometry.instances.push(Instance { mesh: geometry.meshes.len() as u32 - 1, to_world });
         }
         geometry
@@ -365,16 +409,30 @@ mod tests {
 
     #[test]
     fn the_report_has_every_number() {
-        let report = run(&hall(8, 3, true), &mut camera, Options { rays: 4096, repetitions: 1 }).unwrap();
-        assert_eq!((report.triangles, report.rays.camera, report.rays.bounce), (9 * 128, 4096, 4096));
+        let report =
+            run(&hall(8, 3, true), &mut camera, Options { rays: 4096, repetitions: 1 }).unwrap();
+        assert_eq!(
+            (report.triangles, report.rays.camera, report.rays.bounce),
+            (9 * 128, 4096, 4096)
+        );
         assert_eq!(report.rays.bundle, 4096);
         for backend in &report.backends {
             let rates = backend.mrays_per_second;
-            assert!([rates.camera, rates.bundle, rates.bounce, rates.occlusion].iter().all(|&r| r > 0.0 && r.is_finite()));
-            assert!(backend.build_seconds > 0.0 && backend.memory_bytes > 9 * 128 * 40, "{backend:?}");
+            assert!(
+                [rates.camera, rates.bundle, rates.bounce, rates.occlusion]
+                    .iter()
+                    .all(|&r| r > 0.0 && r.is_finite())
+            );
+            assert!(
+                backend.build_seconds > 0.0 && backend.memory_bytes > 9 * 128 * 40,
+                "{backend:?}"
+            );
         }
         let table = report.table();
-        assert_eq!(table.lines().count(), 7 + usize::from(report.relative_to_bare_embree.is_some()));
+        assert_eq!(
+            table.lines().count(),
+            7 + usize::from(report.relative_to_bare_embree.is_some())
+        );
         assert!(serde_json::to_string(&report).unwrap().contains("\"bundle\":4096"));
         if report.backends.len() == 2 {
             assert!(table.lines().next().unwrap().ends_with("embree/bvh"), "{table}");
@@ -383,7 +441,8 @@ mod tests {
 
     #[test]
     fn a_scene_without_hits_is_measured_too() {
-        let report = run(&Geometry::default(), &mut camera, Options { rays: 256, repetitions: 1 }).unwrap();
+        let report =
+            run(&Geometry::default(), &mut camera, Options { rays: 256, repetitions: 1 }).unwrap();
         assert_eq!(report.rays.bundle, 0);
         assert!(report.table().contains("0.000"));
     }
@@ -391,8 +450,13 @@ mod tests {
     #[test]
     #[ignore = "a measurement of 20 s: run it alone with --nocapture"]
     fn measure_300_thousand_triangles() {
-        for (name, geometry) in [("one level", hall(128, 4, false)), ("instances", hall(128, 300, true))] {
-            println!("{name}\n{}", run(&geometry, &mut camera, Options::default()).unwrap().table());
+        for (name, geometry) in
+            [("one level", hall(128, 4, false)), ("instances", hall(128, 300, true))]
+        {
+            println!(
+                "{name}\n{}",
+                run(&geometry, &mut camera, Options::default()).unwrap().table()
+            );
         }
     }
 }

@@ -8,8 +8,10 @@ use std::path::Path;
 /// Size of the diagram, and its margins.
 const DIAGRAM: [f64; 2] = [720.0, 420.0];
 const MARGIN: f64 = 60.0;
-const COLORS: [&str; 10] =
-    ["#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22"];
+const COLORS: [&str; 10] = [
+    "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2",
+    "#7f7f7f", "#bcbd22",
+];
 
 /// The page of `report`, whose pictures lie in `folder`.
 ///
@@ -28,7 +30,9 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
         rays = report.rays,
         reference = match (report.reference_rays, report.noise) {
             (0, _) => "reference from a file".to_owned(),
-            (n, Some(noise)) => format!("reference by {n} path-traced rays per pixel, whose own relMSE is {noise:.2e}"),
+            (n, Some(noise)) => format!(
+                "reference by {n} path-traced rays per pixel, whose own relMSE is {noise:.2e}"
+            ),
             (n, None) => format!("reference by {n} path-traced rays per pixel"),
         },
     );
@@ -56,7 +60,8 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
     }
     page += "</table>\n";
     if report.rows.iter().any(|r| !r.equal) {
-        page += "<p>* more than 5 % from the wanted number: no error that was tried gives it.</p>\n";
+        page +=
+            "<p>* more than 5 % from the wanted number: no error that was tried gives it.</p>\n";
     }
     page += &diagram(report);
     page += "<h2>Pictures</h2>\n";
@@ -74,8 +79,11 @@ fn diagram(report: &Report) -> String {
     let mut presets: Vec<&str> = report.rows.iter().map(|r| r.preset.as_str()).collect();
     presets.dedup();
     let range = |value: &dyn Fn(&Row) -> f64| {
-        let (a, b) =
-            report.rows.iter().map(|r| value(r).max(1e-12).log10()).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+        let (a, b) = report
+            .rows
+            .iter()
+            .map(|r| value(r).max(1e-12).log10())
+            .fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         if b - a > 0.05 { (a, b) } else { (a - 0.1, b + 0.1) }
     };
     let records = |r: &Row| r.records as f64;
@@ -87,7 +95,9 @@ fn diagram(report: &Report) -> String {
         let y = h - MARGIN - (relmse(r).max(1e-12).log10() - y0) / (y1 - y0) * (h - 2.0 * MARGIN);
         (x, y)
     };
-    let mut svg = format!("<h2>relMSE over the number of records</h2>\n<svg width=\"{w}\" height=\"{h}\" font-size=\"12\">\n");
+    let mut svg = format!(
+        "<h2>relMSE over the number of records</h2>\n<svg width=\"{w}\" height=\"{h}\" font-size=\"12\">\n"
+    );
     for (at, (x, y)) in [(10f64.powf(y0), (4.0, h - MARGIN)), (10f64.powf(y1), (4.0, MARGIN))] {
         let _ = writeln!(svg, "<text x=\"{x}\" y=\"{y}\">{at:.1e}</text>");
     }
@@ -96,14 +106,23 @@ fn diagram(report: &Report) -> String {
     }
     for (k, preset) in presets.iter().enumerate() {
         let color = COLORS[k % COLORS.len()];
-        let points: Vec<(f64, f64)> = report.rows.iter().filter(|r| r.preset == *preset).map(place).collect();
+        let points: Vec<(f64, f64)> =
+            report.rows.iter().filter(|r| r.preset == *preset).map(place).collect();
         let line: String = points.iter().map(|(x, y)| format!("{x:.1},{y:.1} ")).collect();
-        let _ = writeln!(svg, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>");
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>"
+        );
         for (x, y) in points {
             let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>");
         }
         let y = MARGIN + 18.0 * k as f64;
-        let _ = writeln!(svg, "<text x=\"{}\" y=\"{y}\" fill=\"{color}\">{}</text>", w - 2.2 * MARGIN, escape(preset));
+        let _ = writeln!(
+            svg,
+            "<text x=\"{}\" y=\"{y}\" fill=\"{color}\">{}</text>",
+            w - 2.2 * MARGIN,
+            escape(preset)
+        );
     }
     svg + "</svg>\n"
 }

@@ -1,6 +1,8 @@
-//! The caching schemes compared on equal terms: as many records, as many rays for each, the same shading points, and the error of what they say there.
+//! The caching schemes compared on equal terms: as many records, as many rays for each, the same
+//! shading points, and the error of what they say there.
 //!
-//! Only the first level is cached, and gathers trace whole paths: what differs is where a scheme puts its records and how it interpolates. The reference is the same estimate at every
+//! Only the first level is cached, and gathers trace whole paths: what differs is where a scheme
+//! puts its records and how it interpolates. The reference is the same estimate at every
 //! shading point, with many more rays.
 
 use super::page;
@@ -28,9 +30,12 @@ use std::time::Instant;
 const TOLERANCE: f64 = 0.05;
 /// Most errors that are tried for one number of records.
 const ATTEMPTS: usize = 16;
-/// Bounds of the areas that all schemes share, unless a plan says otherwise: what differs is how they use the room between.
-const BOUNDS: [(&str, &str); 3] = [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
-/// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of records depends little on them.
+/// Bounds of the areas that all schemes share, unless a plan says otherwise: what differs is how
+/// they use the room between.
+const BOUNDS: [(&str, &str); 3] =
+    [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
+/// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of
+/// records depends little on them.
 const ROUGH: u32 = 8;
 const ROUGH_RAYS: u32 = 256;
 /// Attributes of a reference file: its own relMSE and RMSE.
@@ -64,7 +69,8 @@ pub struct Row {
     pub records: usize,
     /// It is within 5 %.
     pub equal: bool,
-    /// The allowed error that gives this number, all else being scaled with it as [`Scheme::scale_error`] does.
+    /// The allowed error that gives this number, all else being scaled with it as
+    /// [`Scheme::scale_error`] does.
     pub error: f32,
     /// Passes of refinement.
     pub passes: u32,
@@ -76,7 +82,8 @@ pub struct Row {
     pub rmse: f64,
     /// Mean of (x - r)²/(r² + 0.01).
     pub relmse: f64,
-    /// `rmse` less the noise of the reference, which is in it squared; `None` where that is not known.
+    /// `rmse` less the noise of the reference, which is in it squared; `None` where that is not
+    /// known.
     pub own_rmse: Option<f64>,
     /// `relmse` less that of the reference itself.
     pub own_relmse: Option<f64>,
@@ -131,18 +138,41 @@ struct Attempt {
     seconds: f64,
 }
 
-/// Runs `plan` on what the camera of `settings` sees and leaves `report.json`, `report.csv`, `index.html`, `reference.exr` and pictures in `folder`.
+/// Runs `plan` on what the camera of `settings` sees and leaves `report.json`, `report.csv`,
+/// `index.html`, `reference.exr` and pictures in `folder`.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] for an unknown preset, an empty plan or paths without bounces; those of reading the reference and of writing; [`Error::Cancelled`].
-pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder: &Path, progress: &Progress) -> Result<Report> {
-    let schemes = plan.presets.iter().map(|text| variant(text, &plan.settings)).collect::<Result<Vec<_>>>()?;
-    if schemes.is_empty() || plan.records.is_empty() || plan.records.contains(&0) || settings.max_bounces == 0 {
-        return Err(Error::InvalidArgument("a report needs presets, numbers of records above 0, and bounces".into()));
+/// [`Error::InvalidArgument`] for an unknown preset, an empty plan or paths without bounces; those
+/// of reading the reference and of writing; [`Error::Cancelled`].
+pub fn run(
+    scene: &Scene,
+    settings: &Settings,
+    plan: &Plan,
+    title: &str,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Report> {
+    let schemes = plan
+        .presets
+        .iter()
+        .map(|text| variant(text, &plan.settings))
+        .collect::<Result<Vec<_>>>()?;
+    if schemes.is_empty()
+        || plan.records.is_empty()
+        || plan.records.contains(&0)
+        || settings.max_bounces == 0
+    {
+        return Err(Error::InvalidArgument(
+            "a report needs presets, numbers of records above 0, and bounces".into(),
+        ));
     }
     let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
     let pixels: Vec<u32> = (0..settings.size[0] * settings.size[1]).collect();
-    let rays: Vec<_> = pixels.iter().map(|&p| camera_sample(settings, p, 0, u32::MAX)).map(|s| (s.camera, s.seed)).collect();
+    let rays: Vec<_> = pixels
+        .iter()
+        .map(|&p| camera_sample(settings, p, 0, u32::MAX))
+        .map(|s| (s.camera, s.seed))
+        .collect();
     let experiment = Experiment { tracer, settings, seen: tracer.appearances(&rays), progress };
     let points = experiment.seen.iter().flatten().count();
     let reference = match &plan.reference {
@@ -169,9 +199,18 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
     let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
     experiment.picture(&folder.join("reference.png"), &brightness, exposure)?;
     for (preset, scheme) in plan.presets.iter().zip(schemes) {
-        let base = Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents: Contents::Indirect, ..scheme };
+        let base = Scheme {
+            rays: plan.rays,
+            levels: 1,
+            noise: 0.0,
+            contents: Contents::Indirect,
+            ..scheme
+        };
         base.check()?;
-        let file: String = preset.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect();
+        let file: String = preset
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' })
+            .collect();
         let mut scale = 1.0;
         for &wanted in &plan.records {
             let rough = Scheme { rays: (base.rays / ROUGH).max(ROUGH_RAYS), ..base.clone() };
@@ -180,11 +219,13 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
             }
             let attempt = experiment.search(&base, wanted, &mut scale)?;
             let (image, uncovered) = experiment.irradiance(&attempt, plan.rays);
-            let found = compare(&experiment.layers(&image), &reference, &compare::Options::default())?;
+            let found =
+                compare(&experiment.layers(&image), &reference, &compare::Options::default())?;
             let records = attempt.records();
             let name = |kind: &str| format!("{file}-{wanted}{kind}.png");
             let (picture, difference) = (name(""), name("-difference"));
-            let differences: Vec<Color> = image.iter().zip(&brightness).map(|(x, r)| 4.0 * (*x - *r).abs()).collect();
+            let differences: Vec<Color> =
+                image.iter().zip(&brightness).map(|(x, r)| 4.0 * (*x - *r).abs()).collect();
             experiment.picture(&folder.join(&picture), &image, exposure)?;
             experiment.picture(&folder.join(&difference), &differences, exposure)?;
             report.rows.push(Row {
@@ -214,8 +255,10 @@ pub fn run(scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder:
     Ok(report)
 }
 
-/// The scheme that `text` names: a preset, and settings behind colons, as in `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all have in common, normals
-/// up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's diagonal, and then `settings`.
+/// The scheme that `text` names: a preset, and settings behind colons, as in
+/// `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all
+/// have in common, normals up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's
+/// diagonal, and then `settings`.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] naming what there is none of, or what a setting takes.
@@ -225,9 +268,9 @@ pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
     BOUNDS.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
     settings.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
     for part in parts {
-        let (key, value) = part
-            .split_once('=')
-            .ok_or_else(|| Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`")))?;
+        let (key, value) = part.split_once('=').ok_or_else(|| {
+            Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
+        })?;
         scheme.set(key, value)?;
     }
     Ok(scheme)
@@ -244,14 +287,28 @@ impl Experiment<'_> {
     fn reference(&self, rays: u32) -> Result<Layers> {
         let half = |number: u64| {
             self.progress.start(Phase::Fill, self.seen.len() as u64);
-            let gather = |samples: &mut HemisphereSamples, (p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
-                self.progress.advance(1);
-                let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
-                samples.gather(&SceneProbe::new(self.tracer), at, 0, &NoDeeper, hash(&[self.settings.seed, 3, number, p as u64]));
-                Some(samples.irradiance())
-            };
-            let samples = || HemisphereSamples::new(Layout::polar((rays / 2).max(16)), Density::Cosine);
-            self.seen.par_iter().enumerate().map_init(samples, gather).map(Option::unwrap_or_default).collect::<Vec<Color>>()
+            let gather =
+                |samples: &mut HemisphereSamples,
+                 (p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
+                    self.progress.advance(1);
+                    let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
+                    samples.gather(
+                        &SceneProbe::new(self.tracer),
+                        at,
+                        0,
+                        &NoDeeper,
+                        hash(&[self.settings.seed, 3, number, p as u64]),
+                    );
+                    Some(samples.irradiance())
+                };
+            let samples =
+                || HemisphereSamples::new(Layout::polar((rays / 2).max(16)), Density::Cosine);
+            self.seen
+                .par_iter()
+                .enumerate()
+                .map_init(samples, gather)
+                .map(Option::unwrap_or_default)
+                .collect::<Vec<Color>>()
         };
         let (a, b) = (half(0), half(1));
         if self.progress.is_cancelled() {
@@ -267,7 +324,8 @@ impl Experiment<'_> {
         Ok(reference)
     }
 
-    /// A cache with `wanted` records or as near to that as could be found, from `scale` times the errors of `base` on; leaves the factor that was found.
+    /// A cache with `wanted` records or as near to that as could be found, from `scale` times the
+    /// errors of `base` on; leaves the factor that was found.
     fn search(&self, base: &Scheme, wanted: usize, scale: &mut f32) -> Result<Attempt> {
         let target = (wanted as f64).ln();
         let mut x = f64::from(*scale).ln();
@@ -287,22 +345,28 @@ impl Experiment<'_> {
             }
             *(if y > target { &mut many } else { &mut few }) = Some((x, y));
             x = match (many, few) {
-                (Some((x0, y0)), Some((x1, y1))) => x0 + (x1 - x0) * ((y0 - target) / (y0 - y1)).clamp(0.1, 0.9),
-                // The number goes with the inverse square of the radii, those with a power of the error.
+                (Some((x0, y0)), Some((x1, y1))) => {
+                    x0 + (x1 - x0) * ((y0 - target) / (y0 - y1)).clamp(0.1, 0.9)
+                }
+                // The number goes with the inverse square of the radii, those with a power of the
+                // error.
                 _ => x + ((y - target).clamp(-3.0, 3.0) / (2.0 * f64::from(base.radius_power()))),
             };
         }
-        best.map(|(_, attempt)| attempt).ok_or_else(|| Error::InvalidArgument("nothing was tried".into()))
+        best.map(|(_, attempt)| attempt)
+            .ok_or_else(|| Error::InvalidArgument("nothing was tried".into()))
     }
 
     fn attempt(&self, base: &Scheme, scale: f32) -> Result<Attempt> {
         let mut scheme = base.clone();
         scheme.scale_error(scale);
         let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
-        let round = if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
+        let round =
+            if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
         let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..self.settings.clone() });
         pixels.retain(|&p| self.seen[p as usize].is_some());
-        let (points, appearance): (Vec<_>, Vec<_>) = pixels.iter().filter_map(|&p| self.seen[p as usize]).unzip();
+        let (points, appearance): (Vec<_>, Vec<_>) =
+            pixels.iter().filter_map(|&p| self.seen[p as usize]).unzip();
         let points = LevelPoints { points, round };
         self.progress.start(Phase::Fill, points.points.len() as u64);
         let start = Instant::now();
@@ -313,7 +377,14 @@ impl Experiment<'_> {
         }
         let mut stats = cache.fill(&probe, 0, &points, self.settings.seed, self.progress)?;
         if refined {
-            stats.add(&cache.converge(&probe, 0, &points.points, &appearance, self.settings.seed, self.progress)?);
+            stats.add(&cache.converge(
+                &probe,
+                0,
+                &points.points,
+                &appearance,
+                self.settings.seed,
+                self.progress,
+            )?);
         }
         let mut limits = vec![u32::MAX; self.seen.len()];
         if one_pass {
@@ -327,7 +398,12 @@ impl Experiment<'_> {
         let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
         let order = cache.scheme().radiance_order;
         let mut caches = Caches::of(cache, gloss.map(Arc::new));
-        let spot = |(number, point): (u32, &SurfacePoint)| Spot { number, point: *point, irradiance: false, order };
+        let spot = |(number, point): (u32, &SurfacePoint)| Spot {
+            number,
+            point: *point,
+            irradiance: false,
+            order,
+        };
         let spots: Vec<Spot> = (0..).zip(&points.points).map(spot).collect();
         let job = Job {
             tracer: self.tracer,
@@ -340,7 +416,12 @@ impl Experiment<'_> {
         };
         caches.fill(&job, &spots, self.progress)?;
         let limits = vec![u32::MAX; self.seen.len()];
-        Ok(Attempt { cache: caches.cache, limits, passes: 0, seconds: start.elapsed().as_secs_f64() })
+        Ok(Attempt {
+            cache: caches.cache,
+            limits,
+            passes: 0,
+            seconds: start.elapsed().as_secs_f64(),
+        })
     }
 
     /// Irradiance at each pixel by the records, and the number of points that have none.
@@ -351,7 +432,13 @@ impl Experiment<'_> {
                 return (answer.irradiance, 0);
             }
             let mut samples = HemisphereSamples::new(Layout::polar(rays), Density::Cosine);
-            samples.gather(&SceneProbe::new(self.tracer), at, 0, &NoDeeper, hash(&[self.settings.seed, 4, p as u64]));
+            samples.gather(
+                &SceneProbe::new(self.tracer),
+                at,
+                0,
+                &NoDeeper,
+                hash(&[self.settings.seed, 4, p as u64]),
+            );
             (samples.irradiance(), 1)
         };
         let found: Vec<(Color, usize)> = self.seen.par_iter().enumerate().map(look).collect();
@@ -360,15 +447,31 @@ impl Experiment<'_> {
 
     /// Colours as a picture whose alpha says where there is a shading point.
     fn layers(&self, pixels: &[Color]) -> Layers {
-        let channel = |name: &str, samples| Channel { name: name.into(), kind: SampleKind::Float, samples };
+        let channel =
+            |name: &str, samples| Channel { name: name.into(), kind: SampleKind::Float, samples };
         let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
         let alpha = self.seen.iter().map(|s| f32::from(u8::from(s.is_some()))).collect();
-        let channels = vec![channel("R", color(0)), channel("G", color(1)), channel("B", color(2)), channel("A", alpha)];
-        Layers { width: self.settings.size[0], height: self.settings.size[1], channels, ..Layers::default() }
+        let channels = vec![
+            channel("R", color(0)),
+            channel("G", color(1)),
+            channel("B", color(2)),
+            channel("A", alpha),
+        ];
+        Layers {
+            width: self.settings.size[0],
+            height: self.settings.size[1],
+            channels,
+            ..Layers::default()
+        }
     }
 
     fn picture(&self, path: &Path, pixels: &[Color], exposure: f32) -> Result<()> {
-        ldr::write_png(path, self.settings.size[0], self.settings.size[1], &ldr::to_srgb8(pixels, exposure))
+        ldr::write_png(
+            path,
+            self.settings.size[0],
+            self.settings.size[1],
+            &ldr::to_srgb8(pixels, exposure),
+        )
     }
 }
 
@@ -413,7 +516,15 @@ impl Report {
         let width = self.rows.iter().map(|r| r.preset.len()).max().unwrap_or(0).max(16) + 2;
         let mut text = format!(
             "{:<width$}{:>8}{:>9}{:>10}{:>12}{:>12}{:>12}{:>12}{:>9}\n",
-            "preset", "wanted", "records", "error", "rmse", "relmse", "own rmse", "own relmse", "mean"
+            "preset",
+            "wanted",
+            "records",
+            "error",
+            "rmse",
+            "relmse",
+            "own rmse",
+            "own relmse",
+            "mean"
         );
         let optional = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.4e}"));
         for r in &self.rows {
@@ -432,7 +543,9 @@ impl Report {
             );
         }
         if let Some(noise) = self.noise {
-            text += &format!("relMSE of the reference itself: {noise:.2e}; own errors are without the reference's\n");
+            text += &format!(
+                "relMSE of the reference itself: {noise:.2e}; own errors are without the reference's\n"
+            );
         }
         if self.rows.iter().any(|r| !r.equal) {
             text += "* more than 5 % from the wanted number: no error that was tried gives it\n";

@@ -1,9 +1,13 @@
-//! Irradiance along the eight axes of a record: quadratics through values that the record's own samples give beside it, and the lengths up to which those are true [Ribardiere11].
+//! Irradiance along the eight axes of a record: quadratics through values that the record's own
+//! samples give beside it, and the lengths up to which those are true [Ribardiere11].
 
 use super::footprint::{AXES, Footprint, SECTORS, sector};
 use super::record::Reach;
 use super::scheme::Scheme;
-use crate::gather::{Arrival, DirectLight, HemisphereSamples, LightChoice, PointSources, RadianceProbe, irradiance_of};
+use crate::gather::{
+    Arrival, DirectLight, HemisphereSamples, LightChoice, PointSources, RadianceProbe,
+    irradiance_of,
+};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec2, Vec3, luminance};
 use crate::sampling::hash;
@@ -12,7 +16,8 @@ use crate::sampling::hash;
 pub(super) const MAX_TILT: f32 = 0.349_066;
 /// An axis that errs too much is shortened to this share of its length.
 const SHORTER: f32 = 0.75;
-/// An axis is no longer than this multiple of the longer one beside it. What it covered beyond would be a thorn: next to no area, but a line in the picture.
+/// An axis is no longer than this multiple of the longer one beside it. What it covered beyond
+/// would be a thorn: next to no area, but a line in the picture.
 const SPIKE: f32 = 2.5;
 /// Errors are relative to the irradiance and this share of the largest along the axis.
 const DARK: f32 = 0.01;
@@ -86,16 +91,20 @@ impl Place {
 }
 
 impl Axes {
-    /// The change of indirect irradiance from the record, whose normal is `normal`, to the place at `offset` with the normal `n`; and the irradiance of direct light there, if the record holds it.
+    /// The change of indirect irradiance from the record, whose normal is `normal`, to the place at
+    /// `offset` with the normal `n`; and the irradiance of direct light there, if the record holds
+    /// it.
     ///
-    /// Changes are linear between neighbouring axes, by the share of the chord for places and by the angle for normals [Ribardiere11, Eq. 18-23]. The published sum of the translational and the rotational term
-    /// contains the record's own irradiance twice.
+    /// Changes are linear between neighbouring axes, by the share of the chord for places and by
+    /// the angle for normals [Ribardiere11, Eq. 18-23]. The published sum of the translational and
+    /// the rotational term contains the record's own irradiance twice.
     #[inline]
     pub fn at(&self, normal: Vec3, offset: Vec3, n: Vec3) -> (Color, Option<Color>) {
         let across = normal.cross(self.axis);
         let flat = Vec2::new(offset.dot(self.axis), offset.dot(across));
         let (k, share) = sector(&self.lengths, flat);
-        let boundary = self.lengths[k] + share * (self.lengths[(k + 1) % SECTORS] - self.lengths[k]);
+        let boundary =
+            self.lengths[k] + share * (self.lengths[(k + 1) % SECTORS] - self.lengths[k]);
         let moved = Place { k, share, t: flat.length() / boundary };
         let lean = Vec2::new(n.dot(self.axis), n.dot(across));
         let sin = lean.length();
@@ -104,8 +113,13 @@ impl Axes {
             let (k, share) = sector(&[1.0; SECTORS], lean);
             Place { k, share, t: sin.atan2(n.dot(normal)) / MAX_TILT }
         });
-        let change = |c: &Change| moved.read(&c.travel) + tilted.map_or(Color::ZERO, |place| place.read(&c.turn));
-        (change(&self.indirect), self.direct.as_ref().map(|d| (d.irradiance + change(&d.change)).max(Color::ZERO)))
+        let change = |c: &Change| {
+            moved.read(&c.travel) + tilted.map_or(Color::ZERO, |place| place.read(&c.turn))
+        };
+        (
+            change(&self.indirect),
+            self.direct.as_ref().map(|d| (d.irradiance + change(&d.change)).max(Color::ZERO)),
+        )
     }
 }
 
@@ -132,7 +146,9 @@ impl<'a> DirectSamples<'a> {
             LightChoice { samples, every, seen: number == 0, seed: hash(&[seed, 5, number]) }
         };
         let mut center = Vec::new();
-        probe.lights(at, bundle, choice(scheme.light_rays, 0))?.arriving(&[at.position], &mut center);
+        probe
+            .lights(at, bundle, choice(scheme.light_rays, 0))?
+            .arriving(&[at.position], &mut center);
         Some(Self { center, beside: probe.lights(at, bundle, choice(scheme.axis_light_rays, 1))? })
     }
 }
@@ -158,7 +174,8 @@ impl Both {
 }
 
 impl Fit<'_> {
-    /// Irradiance at the shares ¼, ½, ¾ and 1 of `length` along axis `k`; `end` if the last is known.
+    /// Irradiance at the shares ¼, ½, ¾ and 1 of `length` along axis `k`; `end` if the last is
+    /// known.
     fn along(&self, k: usize, length: f32, end: Option<Both>) -> [Both; 4] {
         let places = [0.25, 0.5, 0.75, 1.0].map(|share| share * length * AXES[k]);
         let new = &places[..if end.is_some() { 3 } else { 4 }];
@@ -168,10 +185,13 @@ impl Fit<'_> {
         }
         if let Some(direct) = self.direct {
             let frame = &self.at.frame;
-            let points: Vec<Vec3> = new.iter().map(|d| self.at.position + d.x * frame.s + d.y * frame.t).collect();
+            let points: Vec<Vec3> =
+                new.iter().map(|d| self.at.position + d.x * frame.s + d.y * frame.t).collect();
             let mut arrivals = Vec::new();
             direct.beside.arriving(&points, &mut arrivals);
-            for (out, arrivals) in out.iter_mut().zip(arrivals.chunks((arrivals.len() / points.len()).max(1)).take(points.len()))
+            for (out, arrivals) in out
+                .iter_mut()
+                .zip(arrivals.chunks((arrivals.len() / points.len()).max(1)).take(points.len()))
             {
                 out.0[1] = irradiance_of(arrivals, frame.n);
             }
@@ -179,12 +199,15 @@ impl Fit<'_> {
         out
     }
 
-    /// The quadratics through the values at ½ and 1, and the largest error of their sum at ¼ and ¾, relative to the irradiance there.
+    /// The quadratics through the values at ½ and 1, and the largest error of their sum at ¼ and ¾,
+    /// relative to the irradiance there.
     fn quadratics(&self, values: &[Both; 4]) -> ([Quadratic; 2], f32) {
         let start = [self.indirect, self.beside];
-        let fit: [Quadratic; 2] =
-            std::array::from_fn(|i| Quadratic::through(values[1].0[i] - start[i], values[3].0[i] - start[i]));
-        let most = values.iter().map(Both::luminance).fold(luminance(start[0] + start[1]), f32::max);
+        let fit: [Quadratic; 2] = std::array::from_fn(|i| {
+            Quadratic::through(values[1].0[i] - start[i], values[3].0[i] - start[i])
+        });
+        let most =
+            values.iter().map(Both::luminance).fold(luminance(start[0] + start[1]), f32::max);
         let error = |t: f32, value: &Both| {
             let guess = Both(std::array::from_fn(|i| start[i] + fit[i].at(t)));
             let scale = value.luminance() + DARK * most;
@@ -210,11 +233,15 @@ impl Fit<'_> {
     }
 }
 
-/// The axes of the record of `samples` at `at`, whose lengths R_i are `shape`: each starts at the radius that `reach` makes of its length and is shortened until its quadratic errs by no more than the
-/// scheme's `axis_error`, or is as short as radii get. Returns the lengths R_i that this leaves, too.
+/// The axes of the record of `samples` at `at`, whose lengths R_i are `shape`: each starts at the
+/// radius that `reach` makes of its length and is shortened until its quadratic errs by no more
+/// than the scheme's `axis_error`, or is as short as radii get. Returns the lengths R_i that this
+/// leaves, too.
 ///
-/// Published is to try a quarter and three quarters of an axis first and to go on with the values that are there; after two steps the points tested are those that the quadratic goes through, where it cannot err. Here
-/// the points tested are always new. A disc keeps its shape: it gets the shortest of its axes.
+/// Published is to try a quarter and three quarters of an axis first and to go on with the values
+/// that are there; after two steps the points tested are those that the quadratic goes through,
+/// where it cannot err. Here the points tested are always new. A disc keeps its shape: it gets the
+/// shortest of its axes.
 pub(super) fn fit(
     scheme: &Scheme,
     reach: &Reach,
@@ -247,7 +274,8 @@ pub(super) fn fit(
                 break quadratics;
             }
             if lengths[k] <= shortest {
-                // The end may lie behind a wall, in another light: better no change than a wrong one.
+                // The end may lie behind a wall, in another light: better no change than a wrong
+                // one.
                 break [Quadratic::default(); 2];
             }
             // The new end was a point of the test.

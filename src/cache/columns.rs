@@ -1,4 +1,5 @@
-//! The fields of a record as columns of bytes: the one place where records become bytes and come back.
+//! The fields of a record as columns of bytes: the one place where records become bytes and come
+//! back.
 
 use super::{Axes, Change, Curve, Direct, Fences, Footprint, Quadratic, Record, SECTORS};
 use crate::gather::Hessian;
@@ -80,7 +81,8 @@ impl Column for Fences {
     fn get(bytes: &[u8]) -> Option<Self> {
         let (count, planes) = bytes.split_at_checked(4)?;
         let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
-        let planes: Option<Vec<Vec4>> = planes.chunks_exact(16).take(count).map(|p| finite(p).map(Vec4::from_array)).collect();
+        let planes: Option<Vec<Vec4>> =
+            planes.chunks_exact(16).take(count).map(|p| finite(p).map(Vec4::from_array)).collect();
         planes.filter(|p| p.len() == count).and_then(|p| Self::from_planes(&p))
     }
 }
@@ -122,14 +124,18 @@ impl Column for Option<Curve> {
     const OPTIONAL: bool = true;
 
     fn put(&self, out: &mut Vec<u8>) {
-        let (tangents, hessian) = self.map_or(([Vec3::ZERO; 2], Hessian::default()), |c| (c.tangents, c.hessian));
+        let (tangents, hessian) =
+            self.map_or(([Vec3::ZERO; 2], Hessian::default()), |c| (c.tangents, c.hessian));
         tangents.iter().chain(&[hessian.ss, hessian.st, hessian.tt]).for_each(|v| v.put(out));
     }
 
     fn get(bytes: &[u8]) -> Option<Self> {
         let parts: Option<Vec<Vec3>> = bytes.chunks_exact(12).map(Vec3::get).collect();
         let &[s, t, ss, st, tt] = parts?.as_slice() else { return None };
-        Some((s != Vec3::ZERO).then_some(Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }))
+        Some(
+            (s != Vec3::ZERO)
+                .then_some(Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }),
+        )
     }
 }
 
@@ -138,19 +144,26 @@ impl Column for Change {
     const BYTES: usize = 2 * SECTORS * 24;
 
     fn put(&self, out: &mut Vec<u8>) {
-        self.travel.iter().chain(&self.turn).flat_map(|q| [q.linear, q.square]).for_each(|v| v.put(out));
+        self.travel
+            .iter()
+            .chain(&self.turn)
+            .flat_map(|q| [q.linear, q.square])
+            .for_each(|v| v.put(out));
     }
 
     fn get(bytes: &[u8]) -> Option<Self> {
         let mut change = Self::default();
-        for (q, bytes) in change.travel.iter_mut().chain(&mut change.turn).zip(bytes.chunks_exact(24)) {
+        for (q, bytes) in
+            change.travel.iter_mut().chain(&mut change.turn).zip(bytes.chunks_exact(24))
+        {
             *q = Quadratic { linear: Vec3::get(&bytes[..12])?, square: Vec3::get(&bytes[12..])? };
         }
         Some(change)
     }
 }
 
-/// The axis, the lengths, indirect light, whether there is direct light, its irradiance and its change; all zero for none.
+/// The axis, the lengths, indirect light, whether there is direct light, its irradiance and its
+/// change; all zero for none.
 impl Column for Option<Arc<Axes>> {
     const BYTES: usize = 12 + 4 * SECTORS + Change::BYTES + 4 + 12 + Change::BYTES;
     const OPTIONAL: bool = true;
@@ -185,11 +198,18 @@ impl Column for Option<Arc<Axes>> {
             *length = f32::get(bytes).filter(|x| *x > 0.0 && x.is_finite())?;
         }
         let direct = match f32::get(lit)? > 0.0 {
-            true => Some(Direct { irradiance: Color::get(irradiance)?, change: Change::get(change)? }),
+            true => {
+                Some(Direct { irradiance: Color::get(irradiance)?, change: Change::get(change)? })
+            }
             false => None,
         };
         let unit = (axis.length() - 1.0).abs() < 1e-3;
-        unit.then_some(Some(Arc::new(Axes { axis, lengths: of, indirect: Change::get(indirect)?, direct })))
+        unit.then_some(Some(Arc::new(Axes {
+            axis,
+            lengths: of,
+            indirect: Change::get(indirect)?,
+            direct,
+        })))
     }
 }
 
@@ -203,7 +223,8 @@ pub struct Heading {
     pub optional: bool,
 }
 
-/// Makes the table from the list of fields. A new field of [`Record`] does not compile until it is in the list, or is named as one that others determine.
+/// Makes the table from the list of fields. A new field of [`Record`] does not compile until it is
+/// in the list, or is named as one that others determine.
 macro_rules! columns {
     ($($field:ident),*) => {
         /// The columns.

@@ -1,8 +1,12 @@
-//! Adaptive caching: where records visibly disagree, they are made smaller and others are put between them, until nothing changes any more [Krivanek06, Sec. 4].
+//! Adaptive caching: where records visibly disagree, they are made smaller and others are put
+//! between them, until nothing changes any more [Krivanek06, Sec. 4].
 //!
-//! The published algorithm takes one shading point after the other from a queue. Here a pass handles all points of the queue, a fraction of them at a time: every
-//! point of the fraction looks at the same records and proposes lower errors, and the lowest proposal for each record holds. So nothing depends on threads. The fractions
-//! are spread over the image; were all points heard at once, both records of a pair that disagree would shrink, each at the wish of points near the other.
+//! The published algorithm takes one shading point after the other from a queue. Here a pass
+//! handles all points of the queue, a fraction of them at a time: every point of the fraction looks
+//! at the same records and proposes lower errors, and the lowest proposal for each record holds. So
+//! nothing depends on threads. The fractions are spread over the image; were all points heard at
+//! once, both records of a pair that disagree would shrink, each at the wish of points near the
+//! other.
 
 use super::fill::{FillStats, Filling};
 use super::locate::Locator;
@@ -24,7 +28,8 @@ use std::sync::Arc;
 pub struct Appearance {
     /// Radiance towards the viewer per irradiance of indirect light, by the diffuse lobe: ρ/π.
     pub reflectance: Color,
-    /// Luminance of all other light that leaves the point towards the viewer, as far as it is known.
+    /// Luminance of all other light that leaves the point towards the viewer, as far as it is
+    /// known.
     pub direct: f32,
 }
 
@@ -36,7 +41,8 @@ struct Contribution {
     changes: u32,
     /// See [`Record::error_at`].
     error: f32,
-    /// Luminance of the radiance that leaves the point if this record alone is asked, and its standard error.
+    /// Luminance of the radiance that leaves the point if this record alone is asked, and its
+    /// standard error.
     luminance: f32,
     sigma: f32,
 }
@@ -81,7 +87,8 @@ struct Convergence<'a> {
     view: View<'a>,
     rule: Rule,
     locator: Locator,
-    /// The contributions to each point. Entries whose change counter is not the record's are out of date.
+    /// The contributions to each point. Entries whose change counter is not the record's are out
+    /// of date.
     lists: Vec<Vec<Contribution>>,
     /// For each record how often its area has become smaller.
     changes: Vec<u32>,
@@ -99,21 +106,27 @@ struct Rule {
 }
 
 impl Cache {
-    /// Refines a filled level until it has fully converged with respect to `points` [Krivanek06, Algorithm 1]:
+    /// Refines a filled level until it has fully converged with respect to `points` [Krivanek06,
+    /// Algorithm 1]:
     ///
     /// 1. each point has a record that is valid there, and
-    /// 2. where more than one is valid, leaving one of them out makes no visible difference, `|Y(L1) - Y(L2)| <= c Y(L1) + max(σ(L1), σ(L2))`, L1 the radiance with
-    ///    the record and L2 without it, direct light included in both, c the scheme's `contrast`.
+    /// 2. where more than one is valid, leaving one of them out makes no visible difference,
+    ///    `|Y(L1) - Y(L2)| <= c Y(L1) + max(σ(L1), σ(L2))`, L1 the radiance with the record and L2
+    ///    without it, direct light included in both, c the scheme's `contrast`.
     ///
-    /// Of the records that violate the second condition at x, the one of the lowest weight is kept from x by lowering its error to a_i = err_i(x) - ε, err_i with the
-    /// term of the normals, which the paper forgets here: without it records on curved surfaces shrink further than the point asks, to nothing where positions
-    /// coincide. No record goes below [`Reach::floor`]; one that has arrived there may go on violating the condition. Points left without a record get new ones, whose
-    /// error is 1.4 times that of the nearest one.
+    /// Of the records that violate the second condition at x, the one of the lowest weight is kept
+    /// from x by lowering its error to a_i = err_i(x) - ε, err_i with the term of the normals,
+    /// which the paper forgets here: without it records on curved surfaces shrink further than the
+    /// point asks, to nothing where positions coincide. No record goes below [`Reach::floor`];
+    /// one that has arrived there may go on violating the condition. Points left without a record
+    /// get new ones, whose error is 1.4 times that of the nearest one.
     ///
-    /// The lengths of the points' lists are not bounded, so none of the contributions that the condition is about is left out.
+    /// The lengths of the points' lists are not bounded, so none of the contributions that the
+    /// condition is about is left out.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and the level stays empty then; [`Error::InvalidArgument`] if `points` and `appearance` are not of one length or the level is not filled.
+    /// [`Error::Cancelled`], and the level stays empty then; [`Error::InvalidArgument`] if `points`
+    /// and `appearance` are not of one length or the level is not filled.
     pub fn converge(
         &mut self,
         probe: &dyn RadianceProbe,
@@ -125,13 +138,18 @@ impl Cache {
     ) -> Result<FillStats> {
         if points.len() != appearance.len() {
             let (p, a) = (points.len(), appearance.len());
-            return Err(Error::InvalidArgument(format!("{p} shading points cannot have {a} appearances")));
+            return Err(Error::InvalidArgument(format!(
+                "{p} shading points cannot have {a} appearances"
+            )));
         }
         let Some(filled) = self.levels.get_mut(usize::from(level)).and_then(Option::take) else {
-            return Err(Error::InvalidArgument(format!("level {level} cannot be refined before it is filled")));
+            return Err(Error::InvalidArgument(format!(
+                "level {level} cannot be refined before it is filled"
+            )));
         };
         let filling = Filling::resume(self, probe, level, seed, filled.records().to_vec());
-        let mut convergence = Convergence::new(self, filling, (points, &[]), appearance, Outgoing::Diffuse);
+        let mut convergence =
+            Convergence::new(self, filling, (points, &[]), appearance, Outgoing::Diffuse);
         convergence.run(progress)?;
         let Filling { records, stats, .. } = convergence.filling;
         self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
@@ -140,7 +158,8 @@ impl Cache {
 }
 
 impl Cache {
-    /// As [`Cache::converge`] of a level whose records hold `radiance`; returns that of the records that there are then.
+    /// As [`Cache::converge`] of a level whose records hold `radiance`; returns that of the records
+    /// that there are then.
     pub(super) fn converge_radiance(
         &mut self,
         view: &GlossyView,
@@ -153,14 +172,25 @@ impl Cache {
         let GlossyView { points: RadiancePoints { points, orders }, appearance, lobes } = *view;
         if points.points.len() != appearance.len() {
             let (p, a) = (points.points.len(), appearance.len());
-            return Err(Error::InvalidArgument(format!("{p} shading points cannot have {a} appearances")));
+            return Err(Error::InvalidArgument(format!(
+                "{p} shading points cannot have {a} appearances"
+            )));
         }
         let level = making.maker.level;
-        let Some(filled) = self.levels[usize::from(level)].take() else { return Ok((radiance, FillStats::default())) };
-        let resumed = Filling::resume(self, sources.probe, level, hash(&[seed, 3]), filled.records().to_vec());
+        let Some(filled) = self.levels[usize::from(level)].take() else {
+            return Ok((radiance, FillStats::default()));
+        };
+        let resumed = Filling::resume(
+            self,
+            sources.probe,
+            level,
+            hash(&[seed, 3]),
+            filled.records().to_vec(),
+        );
         let filling = resumed.with_radiance(sources.deeper, making, radiance);
         let outgoing = Outgoing::Glossy { lobes, maker: making.maker, padding };
-        let mut convergence = Convergence::new(self, filling, (&points.points, orders), appearance, outgoing);
+        let mut convergence =
+            Convergence::new(self, filling, (&points.points, orders), appearance, outgoing);
         convergence.run(progress)?;
         let Filling { records, radiance, stats, .. } = convergence.filling;
         self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
@@ -178,7 +208,14 @@ impl<'a> Convergence<'a> {
     ) -> Self {
         let scheme = &cache.scheme;
         let mut convergence = Self {
-            view: View { points, appearance, outgoing, orders, reach: filling.reach, in_front: cache.in_front() },
+            view: View {
+                points,
+                appearance,
+                outgoing,
+                orders,
+                reach: filling.reach,
+                in_front: cache.in_front(),
+            },
             rule: Rule {
                 weight: scheme.weight,
                 contrast: scheme.contrast,
@@ -209,14 +246,19 @@ impl<'a> Convergence<'a> {
         Ok(())
     }
 
-    /// Lets the points of `queue` lower the errors of records; the points in areas that shrank by it become stale.
+    /// Lets the points of `queue` lower the errors of records; the points in areas that shrank by
+    /// it become stale.
     fn refine(&mut self, queue: &[u32], stale: &mut PointSet) {
         let reach = self.view.reach;
         let mut shrunk: Vec<(u32, f32)> = Vec::new();
         for fraction in 0..FRACTIONS {
-            let points: Vec<u32> = queue.iter().skip(fraction).step_by(FRACTIONS).copied().collect();
-            let proposals: Vec<Proposal> =
-                points.par_iter().map_init(Vec::new, |scratch, &p| self.propose(p as usize, scratch)).flatten_iter().collect();
+            let points: Vec<u32> =
+                queue.iter().skip(fraction).step_by(FRACTIONS).copied().collect();
+            let proposals: Vec<Proposal> = points
+                .par_iter()
+                .map_init(Vec::new, |scratch, &p| self.propose(p as usize, scratch))
+                .flatten_iter()
+                .collect();
             for (id, share) in proposals {
                 let record = &mut self.filling.records[id as usize];
                 let error = share * reach.allowed_error();
@@ -232,11 +274,13 @@ impl<'a> Convergence<'a> {
         shrunk.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         shrunk.dedup_by_key(|s| s.0);
         for (id, radius) in shrunk {
-            self.locator.within(self.filling.records[id as usize].position, radius, |p| stale.insert(p));
+            self.locator
+                .within(self.filling.records[id as usize].position, radius, |p| stale.insert(p));
         }
     }
 
-    /// Brings the lists of the stale points up to date and makes records where they are empty. Returns the points that this and the clamping of neighbours touched and those
+    /// Brings the lists of the stale points up to date and makes records where they are empty.
+    /// Returns the points that this and the clamping of neighbours touched and those
     /// that were stale, in ascending order.
     fn cover(&mut self, stale: &mut PointSet, progress: &Progress) -> Result<Vec<u32>> {
         let mut touched = PointSet::new(self.lists.len());
@@ -272,16 +316,23 @@ impl<'a> Convergence<'a> {
         }
     }
 
-    /// Adds the contributions of the records from number `first` on to the points in their areas, which become stale.
+    /// Adds the contributions of the records from number `first` on to the points in their areas,
+    /// which become stale.
     fn attach(&mut self, first: usize, stale: &mut PointSet) {
         let records = &self.filling.records;
         let found: Vec<Vec<(u32, Contribution)>> = (first..records.len())
             .into_par_iter()
             .map_init(LobeCoefficients::default, |scratch, id| {
-                let (record, radiance, mut found) = (&records[id], self.filling.radiance.get(id), Vec::new());
+                let (record, radiance, mut found) =
+                    (&records[id], self.filling.radiance.get(id), Vec::new());
                 self.locator.within(record.position, area(&self.view.reach, record), |p| {
-                    let contribution =
-                        self.view.contribution(p as usize, id as u32, (record, radiance), self.changes[id], scratch);
+                    let contribution = self.view.contribution(
+                        p as usize,
+                        id as u32,
+                        (record, radiance),
+                        self.changes[id],
+                        scratch,
+                    );
                     found.extend(contribution.map(|c| (p, c)));
                 });
                 found
@@ -296,8 +347,12 @@ impl<'a> Convergence<'a> {
     /// Brings the lists of `points` up to date.
     fn update(&mut self, points: &PointSet) {
         let (view, records, changes) = (&self.view, &self.filling.records, &self.changes);
-        self.lists.par_iter_mut().zip(&points.marked).enumerate().filter(|(_, (_, marked))| **marked).for_each(
-            |(p, (list, _))| {
+        self.lists
+            .par_iter_mut()
+            .zip(&points.marked)
+            .enumerate()
+            .filter(|(_, (_, marked))| **marked)
+            .for_each(|(p, (list, _))| {
                 list.retain_mut(|c| match view.current(p, c, records, changes) {
                     Some(now) => {
                         *c = now;
@@ -305,8 +360,7 @@ impl<'a> Convergence<'a> {
                     }
                     None => false,
                 });
-            },
-        );
+            });
     }
 
     /// What point `p` demands, so that no record's area has a visible edge at it.
@@ -316,7 +370,10 @@ impl<'a> Convergence<'a> {
         }
         let (reach, appearance) = (&self.view.reach, &self.view.appearance[p]);
         scratch.clear();
-        for c in self.lists[p].iter().filter_map(|c| self.view.current(p, c, &self.filling.records, &self.changes)) {
+        for c in self.lists[p]
+            .iter()
+            .filter_map(|c| self.view.current(p, c, &self.filling.records, &self.changes))
+        {
             let record = &self.filling.records[c.record as usize];
             let (share, floor) = (reach.share(record), reach.floor(record) / reach.allowed_error());
             scratch.push(Candidate {
@@ -338,7 +395,8 @@ impl Rule {
         self.weight.at(error / share, 1.0 / share)
     }
 
-    /// Keeps candidates away from the point, or as far away as they may be kept, until none is left whose absence would show.
+    /// Keeps candidates away from the point, or as far away as they may be kept, until none is left
+    /// whose absence would show.
     fn proposals(&self, candidates: &mut Vec<Candidate>, direct: f32) -> Vec<Proposal> {
         let mut proposals = Vec::new();
         while let Some(worst) = self.worst(candidates, direct) {
@@ -355,9 +413,11 @@ impl Rule {
         proposals
     }
 
-    /// The candidate to keep away: of those whose absence would show, and that may still shrink, the one with the lowest weight.
+    /// The candidate to keep away: of those whose absence would show, and that may still shrink,
+    /// the one with the lowest weight.
     ///
-    /// The heaviest is spared where the rule says so: if it differs from the others, those are too far away, and of them the lightest goes that differs from it.
+    /// The heaviest is spared where the rule says so: if it differs from the others, those are too
+    /// far away, and of them the lightest goes that differs from it.
     fn worst(&self, candidates: &[Candidate], direct: f32) -> Option<usize> {
         let sums = |without: usize| {
             let others = candidates.iter().enumerate().filter(|(k, _)| *k != without);
@@ -370,7 +430,8 @@ impl Rule {
         }
         let mean = |(w, l, s): (f32, f32, f32)| (l / w, s.sqrt() / w);
         let (all, sigma_all) = mean(sums(usize::MAX));
-        let differ = |a: f32, b: f32, sigma: f32| (a - b).abs() > self.contrast * (all + direct) + sigma;
+        let differ =
+            |a: f32, b: f32, sigma: f32| (a - b).abs() > self.contrast * (all + direct) + sigma;
         let visible = |k: usize| {
             let (without, sigma) = mean(sums(k));
             differ(all, without, sigma_all.max(sigma))
@@ -388,7 +449,8 @@ impl Rule {
         others.clone().filter(|&k| visible(k)).min_by(lighter).or_else(|| {
             let n = &candidates[nearest];
             let far = |c: &Candidate| differ(c.luminance, n.luminance, c.sigma.max(n.sigma));
-            visible(nearest).then(|| others.by_ref().filter(|&k| far(&candidates[k])).min_by(lighter))?
+            visible(nearest)
+                .then(|| others.by_ref().filter(|&k| far(&candidates[k])).min_by(lighter))?
         })
     }
 }
@@ -401,7 +463,9 @@ fn area(reach: &Reach, record: &Record) -> f32 {
 impl View<'_> {
     /// The error of `record` at point `p`, if it is valid there.
     fn error(&self, p: usize, record: &Record) -> Option<f32> {
-        record.error_at(&self.reach, &self.points[p], self.in_front).filter(|e| *e < self.reach.share(record))
+        record
+            .error_at(&self.reach, &self.points[p], self.in_front)
+            .filter(|e| *e < self.reach.share(record))
     }
 
     /// What a record contributes to point `p`, if it is valid there.
@@ -415,12 +479,24 @@ impl View<'_> {
     ) -> Option<Contribution> {
         let error = self.error(p, record)?;
         let (at, appearance) = (&self.points[p], &self.appearance[p]);
-        let (luminance, sigma) = self.outgoing.luminance((p, at), appearance, &self.reach, (record, radiance), scratch)?;
+        let (luminance, sigma) = self.outgoing.luminance(
+            (p, at),
+            appearance,
+            &self.reach,
+            (record, radiance),
+            scratch,
+        )?;
         Some(Contribution { record: id, changes, error, luminance, sigma })
     }
 
     /// The contribution `c` to point `p` as the records are now.
-    fn current(&self, p: usize, c: &Contribution, records: &[Record], changes: &[u32]) -> Option<Contribution> {
+    fn current(
+        &self,
+        p: usize,
+        c: &Contribution,
+        records: &[Record],
+        changes: &[u32],
+    ) -> Option<Contribution> {
         let now = changes[c.record as usize];
         if now == c.changes {
             return Some(*c);
@@ -465,7 +541,8 @@ mod tests {
 
     const RULE: Rule = Rule { weight: Weight::Inverse, contrast: 0.02, spares_nearest: false };
 
-    /// Records 0, 1, ... of these errors and luminances at a point; noiseless, allowed all of the level's error, and free to shrink to a tenth of it.
+    /// Records 0, 1, ... of these errors and luminances at a point; noiseless, allowed all of the
+    /// level's error, and free to shrink to a tenth of it.
     fn candidates(all: &[(f32, f32)]) -> Vec<Candidate> {
         let candidate = |(record, &(error, luminance)): (usize, &(f32, f32))| Candidate {
             record: record as u32,
@@ -491,7 +568,8 @@ mod tests {
     #[test]
     fn the_nearest_is_spared_where_the_rule_says_so() {
         let kind = Rule { spares_nearest: true, ..RULE };
-        // At record 0, over whose place the others reach. They agree with each other and hardly weigh: without them nothing changes, and without record 0 everything does.
+        // At record 0, over whose place the others reach. They agree with each other and hardly
+        // weigh: without them nothing changes, and without record 0 everything does.
         let at_its_place = [(0.001, 1.0), (0.5, 1.5), (0.7, 1.5)];
         assert_eq!(RULE.proposals(&mut candidates(&at_its_place), 0.0), [(0, 0.1)]);
         let mut three = candidates(&at_its_place);
@@ -505,7 +583,10 @@ mod tests {
         assert!(kind.proposals(&mut two, 0.0).is_empty());
         // Elsewhere the rules agree.
         let elsewhere = [(0.3, 1.0), (0.8, 1.2), (0.5, 1.01)];
-        assert_eq!(kind.proposals(&mut candidates(&elsewhere), 0.0), RULE.proposals(&mut candidates(&elsewhere), 0.0));
+        assert_eq!(
+            kind.proposals(&mut candidates(&elsewhere), 0.0),
+            RULE.proposals(&mut candidates(&elsewhere), 0.0)
+        );
     }
 
     #[test]
@@ -524,7 +605,8 @@ mod tests {
 
     #[test]
     fn no_record_goes_below_its_floor() {
-        // Both are so near that they cannot be kept away: both shrink to the floor, the lighter one first, and stay.
+        // Both are so near that they cannot be kept away: both shrink to the floor, the lighter one
+        // first, and stay.
         let mut near = candidates(&[(0.01, 1.0), (0.02, 2.0)]);
         assert_eq!(RULE.proposals(&mut near, 0.0), [(1, 0.1), (0, 0.1)]);
         assert_eq!(near.len(), 2);

@@ -1,4 +1,5 @@
-//! The lower envelope `min_j (R_j + |x - x_j|)` of all records: the largest field below every R_j that changes by at most one unit per unit of distance.
+//! The lower envelope `min_j (R_j + |x - x_j|)` of all records: the largest field below every R_j
+//! that changes by at most one unit per unit of distance.
 
 use crate::geometry::Aabb;
 use crate::math::Vec3;
@@ -17,10 +18,12 @@ struct Bounds {
     shortest: f32,
 }
 
-/// The sites in leaf order with the bounds of a balanced tree over them; queries are nearest-neighbour searches with additive weights.
+/// The sites in leaf order with the bounds of a balanced tree over them; queries are
+/// nearest-neighbour searches with additive weights.
 pub struct Envelope {
     sites: Vec<Site>,
-    /// Bounds of the implicit tree's nodes: node 0 covers everything, node i's halves are 2i+1 and 2i+2.
+    /// Bounds of the implicit tree's nodes: node 0 covers everything, node i's halves are 2i+1 and
+    /// 2i+2.
     nodes: Vec<Bounds>,
     depth: u32,
 }
@@ -41,11 +44,16 @@ const LEAF: usize = 8;
 impl Envelope {
     /// The envelope of `(position, length)` pairs; their numbers are their ids.
     pub fn build(sites: impl Iterator<Item = (Vec3, f32)>) -> Self {
-        let mut sites: Vec<_> =
-            sites.enumerate().map(|(id, (position, length))| Site { position, length, id: id as u32 }).collect();
+        let mut sites: Vec<_> = sites
+            .enumerate()
+            .map(|(id, (position, length))| Site { position, length, id: id as u32 })
+            .collect();
         let depth = (sites.len().div_ceil(LEAF)).next_power_of_two().trailing_zeros();
         let mut nodes = Vec::new();
-        nodes.resize_with((1 << (depth + 1)) - 1, || Bounds { bounds: Aabb::EMPTY, shortest: f32::INFINITY });
+        nodes.resize_with((1 << (depth + 1)) - 1, || Bounds {
+            bounds: Aabb::EMPTY,
+            shortest: f32::INFINITY,
+        });
         Self::arrange(&mut sites, &mut nodes, 0, depth);
         Self { sites, nodes, depth }
     }
@@ -57,10 +65,16 @@ impl Envelope {
         }
         if depth > 0 {
             let size = nodes[node].bounds.max - nodes[node].bounds.min;
-            let axis = if size.x >= size.y && size.x >= size.z { 0 } else { usize::from(size.z > size.y) + 1 };
+            let axis = if size.x >= size.y && size.x >= size.z {
+                0
+            } else {
+                usize::from(size.z > size.y) + 1
+            };
             let middle = sites.len() / 2;
             if middle > 0 {
-                sites.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]).then(a.id.cmp(&b.id)));
+                sites.select_nth_unstable_by(middle, |a, b| {
+                    a.position[axis].total_cmp(&b.position[axis]).then(a.id.cmp(&b.id))
+                });
             }
             let (low, high) = sites.split_at_mut(middle);
             Self::arrange(low, nodes, 2 * node + 1, depth - 1);
@@ -68,7 +82,8 @@ impl Envelope {
         }
     }
 
-    /// The two sites with the lowest values at `x`, lowest first; ids `u32::MAX` with infinite values where there are fewer.
+    /// The two sites with the lowest values at `x`, lowest first; ids `u32::MAX` with infinite
+    /// values where there are fewer.
     pub fn lowest_two(&self, x: Vec3) -> [Nearest; 2] {
         let mut best = [NOBODY; 2];
         self.search(x, 0, 0, self.sites.len(), self.depth, &mut best);
@@ -80,7 +95,15 @@ impl Envelope {
         self.lowest_two(x)[0].value
     }
 
-    fn search(&self, x: Vec3, node: usize, first: usize, last: usize, depth: u32, best: &mut [Nearest; 2]) {
+    fn search(
+        &self,
+        x: Vec3,
+        node: usize,
+        first: usize,
+        last: usize,
+        depth: u32,
+        best: &mut [Nearest; 2],
+    ) {
         if self.lower_bound(x, node) >= best[1].value {
             return;
         }
@@ -124,7 +147,8 @@ mod tests {
     fn agrees_with_brute_force() {
         let mut rng = Rng::new(4);
         for count in [0, 1, 2, 7, 8, 9, 100, 1000] {
-            let mut point = || Vec3::new(rng.next_f32(), rng.next_f32(), (rng.next_f32() * 3.0).floor());
+            let mut point =
+                || Vec3::new(rng.next_f32(), rng.next_f32(), (rng.next_f32() * 3.0).floor());
             let sites: Vec<_> = (0..count).map(|_| (point(), point().x)).collect();
             let envelope = Envelope::build(sites.iter().copied());
             for _ in 0..200 {

@@ -1,8 +1,11 @@
 //! Fences: planes that a record's own rays found inside its area, behind which it must not be used.
 //!
-//! A record beside a thin wall reaches through it: on the other side lie points of the same plane with the same normal, which no test of distance, normal or position can tell
-//! from those on its own side. But the gather has seen the wall. The nearest hit in each of eight sectors around the normal, if it lies within the record's radius, becomes a
-//! plane; a point behind one of them is refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say that something stands between; here no ray is sent.
+//! A record beside a thin wall reaches through it: on the other side lie points of the same plane
+//! with the same normal, which no test of distance, normal or position can tell from those on its
+//! own side. But the gather has seen the wall. The nearest hit in each of eight sectors around the
+//! normal, if it lies within the record's radius, becomes a plane; a point behind one of them is
+//! refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say
+//! that something stands between; here no ray is sent.
 
 use crate::gather::HemisphereSamples;
 use crate::math::{Vec3, Vec4};
@@ -10,7 +13,8 @@ use std::f32::consts::{FRAC_PI_4, TAU};
 
 /// Most fences of one record.
 const MOST: usize = 4;
-/// A point may lie this share of the record's radius behind a fence: the plane of a curved or a slightly rough surface.
+/// A point may lie this share of the record's radius behind a fence: the plane of a curved or a
+/// slightly rough surface.
 const SLACK: f32 = 1e-3;
 
 /// The fences of one record: planes `xyz·x + w >= 0` on the record's side.
@@ -30,7 +34,8 @@ impl Fences {
         let mut nearest: [Option<usize>; 8] = [None; 8];
         for (k, (w, &r)) in b.dir_local.iter().zip(&b.distance).enumerate() {
             if r < radius {
-                let sector = &mut nearest[((w.y.atan2(w.x).rem_euclid(TAU) / FRAC_PI_4) as usize).min(7)];
+                let sector =
+                    &mut nearest[((w.y.atan2(w.x).rem_euclid(TAU) / FRAC_PI_4) as usize).min(7)];
                 if sector.is_none_or(|other| r < b.distance[other]) {
                     *sector = Some(k);
                 }
@@ -43,7 +48,10 @@ impl Fences {
             let normal = b.normal[k];
             let hit = position + b.distance[k] * samples.frame().to_world(b.dir_local[k]);
             let plane = normal.extend(SLACK * radius - normal.dot(hit));
-            let known = fences.planes().iter().any(|p| p.truncate().dot(normal) > 0.95 && (p.w - plane.w).abs() < 0.1 * radius);
+            let known = fences
+                .planes()
+                .iter()
+                .any(|p| p.truncate().dot(normal) > 0.95 && (p.w - plane.w).abs() < 0.1 * radius);
             if !known && usize::from(fences.count) < MOST {
                 fences.planes[usize::from(fences.count)] = plane;
                 fences.count += 1;

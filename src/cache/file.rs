@@ -1,8 +1,10 @@
 //! Caches as files.
 //!
-//! A file begins with 8 bytes of magic, the version of the layout (u32), a mark of the byte order (u32) and the length of the header (u64); then come the header, which is
-//! JSON, the columns that it lists, and a BLAKE3 hash of everything before it. Numbers are little-endian. Columns that a reader does not know are skipped.
-//! Lengths are stored as the gathers gave them, before neighbours clamped them, so that files can be joined.
+//! A file begins with 8 bytes of magic, the version of the layout (u32), a mark of the byte order
+//! (u32) and the length of the header (u64); then come the header, which is JSON, the columns that
+//! it lists, and a BLAKE3 hash of everything before it. Numbers are little-endian. Columns that a
+//! reader does not know are skipped. Lengths are stored as the gathers gave them, before neighbours
+//! clamped them, so that files can be joined.
 
 use super::{Cache, Record, Scheme, columns};
 use crate::error::{Error, Result};
@@ -36,18 +38,32 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// The origin of records made under `scheme` in the scene with these hashes and this diagonal; `u32::MAX` bounces are no bound.
-    pub fn new(scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, scene_size: f32) -> Self {
+    /// The origin of records made under `scheme` in the scene with these hashes and this diagonal;
+    /// `u32::MAX` bounces are no bound.
+    pub fn new(
+        scene: BTreeMap<String, String>,
+        scheme: &Scheme,
+        max_bounces: u32,
+        scene_size: f32,
+    ) -> Self {
         // By way of text: a number read back equals itself.
         let text = serde_json::to_string(scheme).expect("a scheme is plain data");
         let scheme = serde_json::from_str(&text).expect("just written");
-        Self { scene, scheme, max_bounces: (max_bounces != u32::MAX).then_some(max_bounces), scene_size }
+        Self {
+            scene,
+            scheme,
+            max_bounces: (max_bounces != u32::MAX).then_some(max_bounces),
+            scene_size,
+        }
     }
 
-    /// What differs between records from here and `wanted`, in words; `None` if they may stand in for each other.
+    /// What differs between records from here and `wanted`, in words; `None` if they may stand in
+    /// for each other.
     pub fn difference(&self, wanted: &Self) -> Option<String> {
-        let names: Vec<&str> = self.scene.keys().chain(wanted.scene.keys()).map(String::as_str).collect();
-        let mut parts: Vec<&str> = names.into_iter().filter(|n| self.scene.get(*n) != wanted.scene.get(*n)).collect();
+        let names: Vec<&str> =
+            self.scene.keys().chain(wanted.scene.keys()).map(String::as_str).collect();
+        let mut parts: Vec<&str> =
+            names.into_iter().filter(|n| self.scene.get(*n) != wanted.scene.get(*n)).collect();
         parts.dedup();
         if !parts.is_empty() {
             parts.sort_unstable();
@@ -55,11 +71,18 @@ impl Origin {
             return Some(format!("made for another scene: the {} differ", parts.join(" and the ")));
         }
         if self.scene_size != wanted.scene_size {
-            return Some(format!("made for a scene of size {}, not {}", self.scene_size, wanted.scene_size));
+            return Some(format!(
+                "made for a scene of size {}, not {}",
+                self.scene_size, wanted.scene_size
+            ));
         }
         let text = |bounces: Option<u32>| bounces.map_or("unlimited".to_owned(), |n| n.to_string());
         if self.max_bounces != wanted.max_bounces {
-            return Some(format!("made for {} bounces, not {}", text(self.max_bounces), text(wanted.max_bounces)));
+            return Some(format!(
+                "made for {} bounces, not {}",
+                text(self.max_bounces),
+                text(wanted.max_bounces)
+            ));
         }
         let fields = |scheme: &Value| scheme.as_object().cloned().unwrap_or_default();
         let (have, want) = (fields(&self.scheme), fields(&wanted.scheme));
@@ -67,7 +90,9 @@ impl Origin {
         let differ: Vec<String> = keys
             .filter(|k| have.get(*k) != want.get(*k))
             .map(|k| {
-                let value = |of: &serde_json::Map<String, Value>| of.get(k).map_or("none".to_owned(), Value::to_string);
+                let value = |of: &serde_json::Map<String, Value>| {
+                    of.get(k).map_or("none".to_owned(), Value::to_string)
+                };
                 format!("{k} {}, not {}", value(&have), value(&want))
             })
             .collect();
@@ -116,16 +141,24 @@ impl CacheFile {
         Self { origin, levels: (0..cache.level_count()).map(records).collect() }
     }
 
-    /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse` records of another origin are taken too.
+    /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse`
+    /// records of another origin are taken too.
     ///
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
-    pub fn into_cache(self, scheme: Scheme, origin: &Origin, reuse: bool, path: &Path) -> Result<Cache> {
+    pub fn into_cache(
+        self,
+        scheme: Scheme,
+        origin: &Origin,
+        reuse: bool,
+        path: &Path,
+    ) -> Result<Cache> {
         if let Some(difference) = self.origin.difference(origin).filter(|_| !reuse) {
             let what = format!("the cache was {difference}; make it anew, or ask for its reuse");
             return Err(Error::Stale { file: path.to_owned(), what });
         }
-        let mut cache = Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX), origin.scene_size);
+        let mut cache =
+            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX), origin.scene_size);
         for (level, records) in (0..cache.level_count()).zip(self.levels) {
             if !records.is_empty() {
                 cache.replace(level, records);
@@ -134,13 +167,17 @@ impl CacheFile {
         Ok(cache)
     }
 
-    /// Adds the records of `other`, read from `path`, but for those that are here already. With `reuse` records of another origin are taken too.
+    /// Adds the records of `other`, read from `path`, but for those that are here already. With
+    /// `reuse` records of another origin are taken too.
     ///
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
     pub fn merge(&mut self, other: Self, reuse: bool, path: &Path) -> Result<()> {
         if let Some(difference) = other.origin.difference(&self.origin).filter(|_| !reuse) {
-            return Err(Error::Stale { file: path.to_owned(), what: format!("the cache was {difference}") });
+            return Err(Error::Stale {
+                file: path.to_owned(),
+                what: format!("the cache was {difference}"),
+            });
         }
         self.levels.resize_with(self.levels.len().max(other.levels.len()), Vec::new);
         for (mine, theirs) in self.levels.iter_mut().zip(other.levels) {
@@ -170,9 +207,13 @@ impl CacheFile {
         let mut data = Vec::new();
         let mut levels = Vec::new();
         for records in &self.levels {
-            let mut columns: Vec<Vec<u8>> = table.iter().map(|h| Vec::with_capacity(h.bytes * records.len())).collect();
+            let mut columns: Vec<Vec<u8>> =
+                table.iter().map(|h| Vec::with_capacity(h.bytes * records.len())).collect();
             records.iter().for_each(|r| columns::put(r, &mut columns));
-            let kept = table.iter().zip(columns).filter(|(h, column)| !h.optional || column.iter().any(|b| *b != 0));
+            let kept = table
+                .iter()
+                .zip(columns)
+                .filter(|(h, column)| !h.optional || column.iter().any(|b| *b != 0));
             let headers = kept.map(|(heading, column)| {
                 let offset = data.len() as u64;
                 data.extend(column);
@@ -182,7 +223,8 @@ impl CacheFile {
         }
         let positions = || self.levels.iter().flatten().map(|r| r.position);
         let bounds = positions().next().map(|first| {
-            let (low, high) = positions().fold((first, first), |(a, b): (Vec3, Vec3), p| (a.min(p), b.max(p)));
+            let (low, high) =
+                positions().fold((first, first), |(a, b): (Vec3, Vec3), p| (a.min(p), b.max(p)));
             [low.to_array(), high.to_array()]
         });
         let software = concat!("lumicache ", env!("CARGO_PKG_VERSION")).to_owned();
@@ -203,7 +245,8 @@ impl CacheFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Corrupt`] for anything but an undamaged cache file, [`Error::Unsupported`] for one of a later layout.
+    /// [`Error::Io`], [`Error::Corrupt`] for anything but an undamaged cache file,
+    /// [`Error::Unsupported`] for one of a later layout.
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_bytes(&std::fs::read(path).map_err(Error::io(path))?, path)
     }
@@ -217,12 +260,18 @@ impl CacheFile {
         if !bytes.starts_with(MAGIC) {
             return Err(corrupt("it is not a cache file of lumicache"));
         }
-        let (content, hash) =
-            bytes.split_last_chunk::<HASH>().filter(|(c, _)| c.len() >= FIXED).ok_or_else(|| corrupt("it is cut short"))?;
-        let word = |at: usize| u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]]);
+        let (content, hash) = bytes
+            .split_last_chunk::<HASH>()
+            .filter(|(c, _)| c.len() >= FIXED)
+            .ok_or_else(|| corrupt("it is cut short"))?;
+        let word = |at: usize| {
+            u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]])
+        };
         if word(8) > VERSION {
-            let what =
-                format!("its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}", word(8));
+            let what = format!(
+                "its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}",
+                word(8)
+            );
             return Err(Error::unsupported(path, "", what));
         }
         if blake3::hash(content) != *hash {
@@ -236,9 +285,12 @@ impl CacheFile {
             .ok()
             .and_then(|n| content[FIXED..].split_at_checked(n))
             .ok_or_else(|| corrupt("its header is longer than the file"))?;
-        let header: Header = serde_json::from_slice(header).map_err(|e| corrupt(&format!("its header is damaged: {e}")))?;
-        let levels: Option<Vec<Vec<Record>>> = header.levels.iter().map(|level| level.read(data)).collect();
-        let levels = levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
+        let header: Header = serde_json::from_slice(header)
+            .map_err(|e| corrupt(&format!("its header is damaged: {e}")))?;
+        let levels: Option<Vec<Vec<Record>>> =
+            header.levels.iter().map(|level| level.read(data)).collect();
+        let levels =
+            levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
         Ok(Self { origin: header.origin, levels })
     }
 }
@@ -262,7 +314,9 @@ impl LevelHeader {
             columns.insert(heading.name, (bytes, found));
         }
         let value = |name: &str, i: usize| {
-            columns.get(name).map(|&(bytes, data)| data.map_or(&zeros[..bytes], |d| &d[i * bytes..(i + 1) * bytes]))
+            columns.get(name).map(|&(bytes, data)| {
+                data.map_or(&zeros[..bytes], |d| &d[i * bytes..(i + 1) * bytes])
+            })
         };
         (0..count).map(|i| columns::get(|name| value(name, i))).collect()
     }

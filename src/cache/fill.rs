@@ -1,4 +1,5 @@
-//! Filling a level: rounds over a frozen index, so that records do not depend on the number of threads or their timing.
+//! Filling a level: rounds over a frozen index, so that records do not depend on the number of
+//! threads or their timing.
 
 use super::radiance::{Making, Radiance, RadiancePoints, Sources};
 use super::record::clamp_to_neighbours;
@@ -21,7 +22,8 @@ pub struct LevelPoints {
 }
 
 impl LevelPoints {
-    /// `points` in an order that scatters them, whatever theirs was; it depends on their number and `seed` alone.
+    /// `points` in an order that scatters them, whatever theirs was; it depends on their number and
+    /// `seed` alone.
     pub fn scattered(points: Vec<SurfacePoint>, seed: u64) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         order.sort_by_cached_key(|i| (hash(&[seed, 1, u64::from(*i)]), *i));
@@ -65,7 +67,8 @@ impl FillStats {
 
 /// Size of the first growing round.
 const FIRST_ROUND: usize = 64;
-/// Most rounds over all points at the end. Two or three are enough, but for points whose own record does not cover them.
+/// Most rounds over all points at the end. Two or three are enough, but for points whose own record
+/// does not cover them.
 const LAST_ROUNDS: usize = 8;
 /// Two candidates of one round conflict within this share of their expected radius.
 const CONFLICT: f32 = 0.7;
@@ -74,10 +77,12 @@ const BATCH: usize = 256;
 /// A record whose R_i exceeds this multiple of what two neighbours allow has missed what they saw.
 const LEAK: f32 = 4.0;
 
-/// A gather that starts aside and finds its surroundings nearer than this share of the step may lie behind a surface.
+/// A gather that starts aside and finds its surroundings nearer than this share of the step may lie
+/// behind a surface.
 const BEHIND: f32 = 0.25;
 
-/// A new record is allowed this multiple of the error that the nearest one is left with, found by experiment [Krivanek06, Sec. 4.2].
+/// A new record is allowed this multiple of the error that the nearest one is left with, found by
+/// experiment [Krivanek06, Sec. 4.2].
 const OPTIMISM: f32 = 1.4;
 /// A noisy record is gathered again with this multiple of the rays.
 const MORE_RAYS: u32 = 4;
@@ -105,7 +110,8 @@ pub(super) struct Filling<'a> {
     pub records: Vec<Record>,
     /// Their radiance, if they have any.
     pub radiance: Vec<Radiance>,
-    /// Where the last of the records were gathered, as many as were made here, and the order of the radiance there.
+    /// Where the last of the records were gathered, as many as were made here, and the order of
+    /// the radiance there.
     origins: Vec<(SurfacePoint, u8)>,
     /// The first `indexed` records as they stood when there were that many.
     index: Index,
@@ -113,7 +119,8 @@ pub(super) struct Filling<'a> {
     /// The records made since.
     fresh: Index,
     envelope: Envelope,
-    /// The same of the mean lengths of records that have sectors: how far apart new ones are expected to lie. The shortest say little of that.
+    /// The same of the mean lengths of records that have sectors: how far apart new ones are
+    /// expected to lie. The shortest say little of that.
     spread: Option<Envelope>,
     /// Finds the nearest record, if they are not all allowed the same error.
     nearest: Option<Envelope>,
@@ -121,8 +128,8 @@ pub(super) struct Filling<'a> {
 }
 
 impl Cache {
-    /// Makes records until every point of `points` on `level` is covered, beside those that the level has already. Deeper levels must be filled already, if the
-    /// gathers are to use them.
+    /// Makes records until every point of `points` on `level` is covered, beside those that the
+    /// level has already. Deeper levels must be filled already, if the gathers are to use them.
     ///
     /// The same arguments give the same records on any number of threads.
     ///
@@ -148,14 +155,16 @@ impl Cache {
         self.level(level).map_or_else(Vec::new, |l| l.records().to_vec())
     }
 
-    /// Makes `records`, those of `level` and new ones, its records. Without new ones nothing has changed, and the index is right.
+    /// Makes `records`, those of `level` and new ones, its records. Without new ones nothing has
+    /// changed, and the index is right.
     fn keep(&mut self, level: u8, records: Vec<Record>) {
         if self.level(level).is_none_or(|l| l.records().len() < records.len()) {
             self.levels[usize::from(level)] = Some(Arc::new(self.finish(level, records)));
         }
     }
 
-    /// What [`Cache::fill`] would make of `level` if `before` were its records; the cache does not change.
+    /// What [`Cache::fill`] would make of `level` if `before` were its records; the cache does not
+    /// change.
     pub(super) fn filled(
         &self,
         probe: &dyn RadianceProbe,
@@ -171,7 +180,8 @@ impl Cache {
         Ok((self.finish(level, records), stats))
     }
 
-    /// As [`Cache::fill`], with the radiance that `making` makes of each gather; adds that to `radiance`, by the ids of the records. Light comes from `sources`.
+    /// As [`Cache::fill`], with the radiance that `making` makes of each gather; adds that to
+    /// `radiance`, by the ids of the records. Light comes from `sources`.
     pub(super) fn fill_radiance(
         &mut self,
         sources: &Sources,
@@ -183,11 +193,9 @@ impl Cache {
     ) -> Result<FillStats> {
         let level = making.maker.level;
         let made = std::mem::take(radiance);
-        let mut filling = Filling::new(self, sources.probe, level, hash(&[seed, 3]), self.known(level)).with_radiance(
-            sources.deeper,
-            making,
-            made,
-        );
+        let mut filling =
+            Filling::new(self, sources.probe, level, hash(&[seed, 3]), self.known(level))
+                .with_radiance(sources.deeper, making, made);
         let outcome = filling.run(&points.points, &points.orders, progress);
         let Filling { records, radiance: made, stats, .. } = filling;
         *radiance = made;
@@ -215,7 +223,13 @@ impl Cache {
 }
 
 impl<'a> Filling<'a> {
-    fn new(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
+    fn new(
+        cache: &'a Cache,
+        probe: &'a dyn RadianceProbe,
+        level: u8,
+        seed: u64,
+        records: Vec<Record>,
+    ) -> Self {
         let reach = Reach::new(&cache.scheme, level, cache.scene_size, 1.0);
         let envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
         Self {
@@ -241,40 +255,63 @@ impl<'a> Filling<'a> {
     }
 
     /// Goes on with a level of `records` whose allowed errors will differ.
-    pub fn resume(cache: &'a Cache, probe: &'a dyn RadianceProbe, level: u8, seed: u64, records: Vec<Record>) -> Self {
+    pub fn resume(
+        cache: &'a Cache,
+        probe: &'a dyn RadianceProbe,
+        level: u8,
+        seed: u64,
+        records: Vec<Record>,
+    ) -> Self {
         let mut filling = Self::new(cache, probe, level, seed, records);
         filling.survey(true);
         filling
     }
 
     /// Makes radiance records, beside `radiance`, that of the records that there are.
-    pub fn with_radiance(self, deeper: &'a dyn Deeper, making: Making<'a>, radiance: Vec<Radiance>) -> Self {
+    pub fn with_radiance(
+        self,
+        deeper: &'a dyn Deeper,
+        making: Making<'a>,
+        radiance: Vec<Radiance>,
+    ) -> Self {
         Self { deeper, making: Some(making), radiance, ..self }
     }
 
     /// What new records will be told of those that are there.
     fn survey(&mut self, errors_differ: bool) {
-        self.envelope = Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
+        self.envelope =
+            Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
         self.spread = (self.cache.scheme.footprint == FootprintKind::Sectors).then(|| {
-            Envelope::build(self.records.iter().map(|r| (r.position, self.reach.length_of(self.reach.area(r).0.mean()))))
+            Envelope::build(
+                self.records
+                    .iter()
+                    .map(|r| (r.position, self.reach.length_of(self.reach.area(r).0.mean()))),
+            )
         });
-        self.nearest = errors_differ.then(|| Envelope::build(self.records.iter().map(|r| (r.position, 0.0))));
+        self.nearest =
+            errors_differ.then(|| Envelope::build(self.records.iter().map(|r| (r.position, 0.0))));
     }
 
     /// The error that a new record at `x` is allowed.
     fn error_of_new(&self, x: Vec3) -> f32 {
         let most = self.reach.allowed_error();
-        let nearest = self.nearest.as_ref().and_then(|n| self.records.get(n.lowest_two(x)[0].id as usize));
+        let nearest =
+            self.nearest.as_ref().and_then(|n| self.records.get(n.lowest_two(x)[0].id as usize));
         nearest.map_or(most, |r| most.min(OPTIMISM * r.error))
     }
 
-    /// Rounds over all points, then over those that clamping has uncovered. `orders` are those of the points' radiance, if they need any.
+    /// Rounds over all points, then over those that clamping has uncovered. `orders` are those of
+    /// the points' radiance, if they need any.
     fn run(&mut self, points: &LevelPoints, orders: &[u8], progress: &Progress) -> Result<()> {
         let known = self.records.len();
         let (mut begin, mut round) = (0, if points.round > 0 { points.round } else { FIRST_ROUND });
         while begin < points.points.len() {
             let end = points.points.len().min(begin + round);
-            self.round(&points.points[begin..end], orders.get(begin..end).unwrap_or(&[]), progress)?;
+            self.round(
+                &points.points[begin..end],
+                orders.get(begin..end).unwrap_or(&[]),
+                progress,
+            )?;
             let births = self.records.len() as u32;
             self.stats.births.resize(end, births);
             begin = end;
@@ -287,7 +324,8 @@ impl<'a> Filling<'a> {
             return Ok(());
         }
         self.regather_noisy();
-        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for those may uncover more.
+        // Neighbour clamping may have uncovered points of earlier rounds, and the records made for
+        // those may uncover more.
         for _ in 0..LAST_ROUNDS {
             let before = self.records.len();
             self.reindex(true);
@@ -299,7 +337,8 @@ impl<'a> Filling<'a> {
         Ok(())
     }
 
-    /// Covers `points`: again and again the uncovered ones are found, some far enough from each other are given records, in parallel, until none is left.
+    /// Covers `points`: again and again the uncovered ones are found, some far enough from each
+    /// other are given records, in parallel, until none is left.
     fn round(&mut self, points: &[SurfacePoint], orders: &[u8], progress: &Progress) -> Result<()> {
         let mut pending: Vec<u32> = (0..points.len() as u32).collect();
         loop {
@@ -307,7 +346,8 @@ impl<'a> Filling<'a> {
                 return Err(Error::Cancelled);
             }
             let before = pending.len();
-            pending = pending.into_par_iter().filter(|&i| !self.covers(&points[i as usize])).collect();
+            pending =
+                pending.into_par_iter().filter(|&i| !self.covers(&points[i as usize])).collect();
             self.stats.lookups += before as u64;
             self.stats.hits += (before - pending.len()) as u64;
             progress.advance((before - pending.len()) as u64);
@@ -328,8 +368,9 @@ impl<'a> Filling<'a> {
         self.fresh.covers(at) || self.index.covers(at)
     }
 
-    /// Indexes the records as they stand now. The index of all of them is made anew only when a quarter has been added: between those times new records go to a
-    /// small index of their own, and clamped ones keep their former reach in the large one.
+    /// Indexes the records as they stand now. The index of all of them is made anew only when a
+    /// quarter has been added: between those times new records go to a small index of their
+    /// own, and clamped ones keep their former reach in the large one.
     fn reindex(&mut self, complete: bool) {
         if complete || 4 * (self.records.len() - self.indexed) > self.records.len() {
             self.indexed = self.records.len();
@@ -338,14 +379,16 @@ impl<'a> Filling<'a> {
         self.fresh = self.cache.index(&self.records[self.indexed..], self.reach);
     }
 
-    /// A maximal set of candidates none of which is likely to be covered by the record of another, in ascending order: earlier points go first.
+    /// A maximal set of candidates none of which is likely to be covered by the record of another,
+    /// in ascending order: earlier points go first.
     pub fn choose(&self, points: &[SurfacePoint], pending: &[u32]) -> Vec<u32> {
         let most = BATCH.max(self.records.len() / 2);
         let mut chosen = Vec::new();
         let mut discs: Vec<(Vec3, Vec3, f32)> = Vec::new();
         for &i in pending {
             let p = &points[i as usize];
-            // R can be no longer than the envelope of its neighbours, so this radius is an upper bound where neighbours exist.
+            // R can be no longer than the envelope of its neighbours, so this radius is an upper
+            // bound where neighbours exist.
             let length = self.spread.as_ref().unwrap_or(&self.envelope).value(p.position);
             let (radius, _) = self.reach.radius(length, p.footprint);
             let radius = radius * self.error_of_new(p.position) / self.reach.allowed_error();
@@ -364,16 +407,21 @@ impl<'a> Filling<'a> {
         chosen
     }
 
-    /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all records to each other. `orders` are those of the radiance at the points, if
+    /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all
+    /// records to each other. `orders` are those of the radiance at the points, if
     /// there is any.
     pub fn make_records(&mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32]) {
         let order = |i: u32| orders.get(i as usize).copied().unwrap_or(0);
         let made: Vec<(Made, SurfacePoint, bool)> = chosen
             .par_iter()
-            .map_init(|| self.samples(), |samples, &i| self.record(samples, &points[i as usize], order(i)))
+            .map_init(
+                || self.samples(),
+                |samples, &i| self.record(samples, &points[i as usize], order(i)),
+            )
             .collect();
         let rays = self.cache.scheme.layout(self.level).rays() as u64;
-        let errors: Vec<f32> = made.iter().map(|(made, ..)| self.error_of_new(made.record.position)).collect();
+        let errors: Vec<f32> =
+            made.iter().map(|(made, ..)| self.error_of_new(made.record.position)).collect();
         for (((made, at, retaken), error), &i) in made.into_iter().zip(errors).zip(chosen) {
             self.stats.gather_rays += rays * (1 + u64::from(retaken));
             self.stats.retaken += u64::from(retaken);
@@ -392,10 +440,12 @@ impl<'a> Filling<'a> {
         }
     }
 
-    /// Gathers again, with more rays, where the records of the first level are noisy. Deeper ones are averaged by the gathers that read them.
+    /// Gathers again, with more rays, where the records of the first level are noisy. Deeper ones
+    /// are averaged by the gathers that read them.
     ///
-    /// A record is judged together with those around it. By its own samples alone it would be kept where they happened to miss a small bright light, which makes them look
-    /// clean, and thrown away where they happened to find it: the picture would become darker.
+    /// A record is judged together with those around it. By its own samples alone it would be kept
+    /// where they happened to miss a small bright light, which makes them look clean, and
+    /// thrown away where they happened to find it: the picture would become darker.
     fn regather_noisy(&mut self) {
         let scheme = &self.cache.scheme;
         if self.level > 0 || scheme.noise <= 0.0 {
@@ -422,7 +472,13 @@ impl<'a> Filling<'a> {
             .map_init(
                 || self.empty_gather(layout),
                 |samples, (k, (at, order))| {
-                    samples.gather(self.probe, at, self.level, self.deeper, hash(&[self.seed_at(at), 1]));
+                    samples.gather(
+                        self.probe,
+                        at,
+                        self.level,
+                        self.deeper,
+                        hash(&[self.seed_at(at), 1]),
+                    );
                     (first + k, self.made(samples, at, *order))
                 },
             )
@@ -451,15 +507,22 @@ impl<'a> Filling<'a> {
         HemisphereSamples::new(layout, scheme.density).with_light_paths(paths).with_change(change)
     }
 
-    /// The record of a gather at `at`, where it was made, and whether it had to be taken again there.
-    fn record(&self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8) -> (Made, SurfacePoint, bool) {
+    /// The record of a gather at `at`, where it was made, and whether it had to be taken again
+    /// there.
+    fn record(
+        &self,
+        samples: &mut HemisphereSamples,
+        at: &SurfacePoint,
+        order: u8,
+    ) -> (Made, SurfacePoint, bool) {
         let made = self.gather(samples, at, order);
         if !self.cache.scheme.neighbour_clamp {
             return (made, *at, false);
         }
         let record = &made.record;
-        // Rays that slip through a crack beside the point see too far. Two neighbours that see much nearer things give it away; the gather is repeated a little
-        // towards them, inside the surface that they share [Krivanek06, Sec. 5.2].
+        // Rays that slip through a crack beside the point see too far. Two neighbours that see much
+        // nearer things give it away; the gather is repeated a little towards them, inside
+        // the surface that they share [Krivanek06, Sec. 5.2].
         let neighbours = self.envelope.lowest_two(at.position);
         if record.length_unclamped <= LEAK * neighbours[1].value {
             return (made, *at, false);
@@ -468,16 +531,21 @@ impl<'a> Filling<'a> {
         let towards = 0.5 * (a + b) - at.position;
         let tangential = towards - at.ng * at.ng.dot(towards);
         let step = (0.5 * at.footprint).min(0.1 * record.length_unclamped).min(tangential.length());
-        let moved = SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
+        let moved =
+            SurfacePoint { position: at.position + tangential.normalize_or_zero() * step, ..*at };
         let mut again = self.gather(samples, &moved, order);
-        // In a hollow of facets the step may lead behind the next one: then all is near, and unlike what the neighbours see. What is near beside a crack is like it.
+        // In a hollow of facets the step may lead behind the next one: then all is near, and unlike
+        // what the neighbours see. What is near beside a crack is like it.
         let brightness = |r: &Record| luminance(r.irradiance).max(f32::MIN_POSITIVE).ln();
-        let usual = 0.5 * neighbours.map(|n| brightness(&self.records[n.id as usize])).into_iter().sum::<f32>();
+        let usual = 0.5
+            * neighbours.map(|n| brightness(&self.records[n.id as usize])).into_iter().sum::<f32>();
         let unlike = |m: &Made| (brightness(&m.record) - usual).abs();
         if again.record.length_unclamped <= BEHIND * step && unlike(&again) > unlike(&made) {
             return (made, *at, false);
         }
-        // Its rays start aside [Tabellion04, Sec. 3.1], but the record stays at the point: refinement may leave it an area that is smaller than the step, and the point would have no record.
+        // Its rays start aside [Tabellion04, Sec. 3.1], but the record stays at the point:
+        // refinement may leave it an area that is smaller than the step, and the point would have
+        // no record.
         again.record.position = at.position;
         (again, moved, true)
     }
@@ -496,7 +564,11 @@ impl<'a> Filling<'a> {
     fn made(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
         let scheme = &self.cache.scheme;
         let lit = self.level == 0 && scheme.contents == Contents::DirectAndIndirect;
-        let direct = if lit { DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at)) } else { None };
+        let direct = if lit {
+            DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at))
+        } else {
+            None
+        };
         let mut record = Record::new(scheme, &self.shading_reach, at, samples, direct.as_ref());
         let radiance = self.making.map(|m| m.make(samples, at, order, &mut record, &self.reach));
         Made { record, radiance }

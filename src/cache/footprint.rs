@@ -1,4 +1,5 @@
-//! The area in which a record may be used: a disc, an ellipse, or eight sectors of their own radius.
+//! The area in which a record may be used: a disc, an ellipse, or eight sectors of their own
+//! radius.
 
 use crate::math::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
@@ -21,7 +22,8 @@ pub(super) const AXES: [Vec2; SECTORS + 1] = [
 
 /// The shape of a record's area around its normal, and its size along each axis.
 ///
-/// The same type holds what a gather says of it, the lengths R_i before any limit ([`Record::shape`](super::Record)), and the radii that follow from those
+/// The same type holds what a gather says of it, the lengths R_i before any limit
+/// ([`Record::shape`](super::Record)), and the radii that follow from those
 /// ([`Reach::area`](super::Reach::area)). World space, scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Footprint {
@@ -82,7 +84,8 @@ impl Footprint {
         self
     }
 
-    /// Bounds each radius by `bound(Some(u))`, u being the unit tangent along its axis; a disc, which has no axes, by `bound(None)`.
+    /// Bounds each radius by `bound(Some(u))`, u being the unit tangent along its axis; a disc,
+    /// which has no axes, by `bound(None)`.
     #[must_use]
     pub fn bounded(mut self, normal: Vec3, bound: impl Fn(Option<Vec3>) -> f32) -> Self {
         match &mut self {
@@ -104,16 +107,19 @@ impl Footprint {
         self
     }
 
-    /// The distance of a point at `offset` from the record, as a share of the area's extent in its direction: below 1 inside.
+    /// The distance of a point at `offset` from the record, as a share of the area's extent in its
+    /// direction: below 1 inside.
     ///
-    /// An ellipse measures `sqrt((d·v_1/r_1)² + (d·v_2/r_2)² + (d·n/r_1)²)` with r_1 the shorter semi-axis [Schwarzhaupt12]; sectors put the boundary radius in the place of
+    /// An ellipse measures `sqrt((d·v_1/r_1)² + (d·v_2/r_2)² + (d·n/r_1)²)` with r_1 the shorter
+    /// semi-axis [Schwarzhaupt12]; sectors put the boundary radius in the place of
     /// the first two terms and the smallest radius in that of the third.
     #[inline]
     pub fn share(&self, normal: Vec3, offset: Vec3) -> f32 {
         match self {
             Self::Disc { r } => offset.length() / r,
             Self::Ellipse { axis, r } => {
-                let (x, y, z) = (offset.dot(*axis), offset.dot(normal.cross(*axis)), offset.dot(normal));
+                let (x, y, z) =
+                    (offset.dot(*axis), offset.dot(normal.cross(*axis)), offset.dot(normal));
                 ((x * x + z * z) / (r[0] * r[0]) + y * y / (r[1] * r[1])).sqrt()
             }
             Self::Sectors { axis, .. } => {
@@ -126,7 +132,8 @@ impl Footprint {
 
     /// The radius in the direction `v`, any length, in the plane of `axis` and `normal × axis`.
     ///
-    /// Sectors: between the axes k and k + 1 the boundary is `(1-t) r_k + t r_{k+1}`, t being where the ray meets the chord between their ends [Ribardiere11, Eq. 10].
+    /// Sectors: between the axes k and k + 1 the boundary is `(1-t) r_k + t r_{k+1}`, t being where
+    /// the ray meets the chord between their ends [Ribardiere11, Eq. 10].
     #[inline]
     pub fn boundary(&self, v: Vec2) -> f32 {
         match self {
@@ -145,7 +152,9 @@ impl Footprint {
 
     /// False only if no point within `radius` of the point at `offset` lies inside the area.
     pub fn may_reach(&self, normal: Vec3, offset: Vec3, radius: f32) -> bool {
-        let Self::Sectors { axis, r } = self else { return offset.length() - radius <= self.longest() };
+        let Self::Sectors { axis, r } = self else {
+            return offset.length() - radius <= self.longest();
+        };
         let flat = Vec2::new(offset.dot(*axis), offset.dot(normal.cross(*axis)));
         let distance = flat.length();
         if offset.dot(normal).abs() - radius > self.shortest() {
@@ -157,7 +166,8 @@ impl Footprint {
         // The longest of the axes around the directions that the ball is seen in.
         let (middle, half) = (flat.to_angle() / FRAC_PI_4, (radius / distance).asin() / FRAC_PI_4);
         let (first, last) = ((middle - half).floor() as i32, (middle + half).ceil() as i32);
-        let longest = (first..=last).map(|k| r[k.rem_euclid(SECTORS as i32) as usize]).fold(0.0, f32::max);
+        let longest =
+            (first..=last).map(|k| r[k.rem_euclid(SECTORS as i32) as usize]).fold(0.0, f32::max);
         distance - radius <= longest
     }
 
@@ -170,7 +180,12 @@ impl Footprint {
     }
 
     /// `count` points of the boundary around `position`, in order.
-    pub fn outline(&self, position: Vec3, normal: Vec3, count: usize) -> impl Iterator<Item = Vec3> {
+    pub fn outline(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        count: usize,
+    ) -> impl Iterator<Item = Vec3> {
         let (area, s) = (*self, self.axis(normal));
         let t = normal.cross(s);
         (0..count).map(move |k| {
@@ -180,8 +195,9 @@ impl Footprint {
     }
 }
 
-/// The axis k before the direction `v`, any length, in the plane of axes with the lengths `r`, and where its ray meets the chord from the end of axis k to that of the next one, as a share of the chord:
-/// `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k.
+/// The axis k before the direction `v`, any length, in the plane of axes with the lengths `r`, and
+/// where its ray meets the chord from the end of axis k to that of the next one, as a share of the
+/// chord: `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k.
 #[inline]
 pub(super) fn sector(r: &[f32; SECTORS], v: Vec2) -> (usize, f32) {
     let steep = v.y.abs() > v.x.abs();
@@ -191,7 +207,10 @@ pub(super) fn sector(r: &[f32; SECTORS], v: Vec2) -> (usize, f32) {
         (false, false) => 4 + usize::from(steep),
         (false, true) => 7 - usize::from(steep),
     };
-    let (a, b) = (r[k] * AXES[k].perp_dot(v).max(0.0), r[(k + 1) % SECTORS] * v.perp_dot(AXES[k + 1]).max(0.0));
+    let (a, b) = (
+        r[k] * AXES[k].perp_dot(v).max(0.0),
+        r[(k + 1) % SECTORS] * v.perp_dot(AXES[k + 1]).max(0.0),
+    );
     (k, if a + b > 0.0 { a / (a + b) } else { 0.0 })
 }
 
@@ -213,7 +232,10 @@ mod tests {
         for shape in shapes() {
             for p in shape.outline(Vec3::ZERO, Vec3::Z, 37) {
                 assert!((shape.share(Vec3::Z, p) - 1.0).abs() < 1e-5, "{shape:?} {p}");
-                assert!(p.length() <= shape.longest() * 1.00001 && p.length() >= shape.shortest() * 0.99999);
+                assert!(
+                    p.length() <= shape.longest() * 1.00001
+                        && p.length() >= shape.shortest() * 0.99999
+                );
             }
         }
     }
@@ -239,8 +261,9 @@ mod tests {
             for _ in 0..20_000 {
                 let d = Vec3::from_array(std::array::from_fn(|_| 3.0 * rng.next_f32() - 1.5));
                 let radius = 0.4 * rng.next_f32();
-                let near =
-                    d + radius * rng.next_f32() * Vec3::from_array(std::array::from_fn(|_| rng.next_f32() - 0.5)).normalize();
+                let near = d + radius
+                    * rng.next_f32()
+                    * Vec3::from_array(std::array::from_fn(|_| rng.next_f32() - 0.5)).normalize();
                 let reached = shape.may_reach(Vec3::Z, d, radius);
                 assert!(reached || shape.share(Vec3::Z, near) >= 0.9999, "{shape:?} {d} {radius}");
                 *missed += usize::from(!reached && d.length() - radius < shape.longest());
@@ -257,7 +280,10 @@ mod tests {
             let (sin, cos) = (k as f32).to_radians().sin_cos();
             assert!((round.boundary(Vec2::new(cos, sin)) - 0.7).abs() < 1e-6);
             if k % 45 == 0 {
-                assert!((shapes()[2].boundary(Vec2::new(cos, sin)) - r[k / 45]).abs() < 1e-5, "{k}");
+                assert!(
+                    (shapes()[2].boundary(Vec2::new(cos, sin)) - r[k / 45]).abs() < 1e-5,
+                    "{k}"
+                );
             }
         }
         assert!(round.boundary(Vec2::ZERO) == 0.7);
@@ -276,7 +302,8 @@ mod tests {
         // The axes change places: y is still the shorter one.
         assert_eq!(ellipse, Footprint::Ellipse { axis: Vec3::Y, r: [0.1, 0.25] });
         assert_eq!(sectors.radii(), [0.25, 0.5, 0.1, 0.2, 0.25, 0.4, 0.1, 0.6]);
-        let swapped = shapes()[1].bounded(Vec3::Z, |u| if u.unwrap().x.abs() > 0.9 { 0.2 } else { f32::INFINITY });
+        let swapped = shapes()[1]
+            .bounded(Vec3::Z, |u| if u.unwrap().x.abs() > 0.9 { 0.2 } else { f32::INFINITY });
         assert_eq!(swapped, Footprint::Ellipse { axis: Vec3::NEG_X, r: [0.2, 0.3] });
     }
 }

@@ -1,4 +1,5 @@
-//! The spatial index of records: an octree whose leaves list every record that may be valid in them.
+//! The spatial index of records: an octree whose leaves list every record that may be valid in
+//! them.
 
 use super::axes::Axes;
 use super::fence::Fences;
@@ -18,7 +19,8 @@ struct Entry {
     id: u32,
     /// The level's allowed error over the record's own.
     inverse_share: f32,
-    /// Index of its fences and of its area, plus `SHAPED` if that is no disc; `PLAIN` if it is one without fences.
+    /// Index of its fences and of its area, plus `SHAPED` if that is no disc; `PLAIN` if it is one
+    /// without fences.
     detail: u32,
 }
 
@@ -52,7 +54,8 @@ const MAX_DEPTH: u32 = 20;
 /// An immutable snapshot of the records of one level, ready for lookups from any thread.
 pub struct Index {
     center: Vec3,
-    /// Half the size of the box around all areas: a batch of late records is small, and most questions are not for it.
+    /// Half the size of the box around all areas: a batch of late records is small, and most
+    /// questions are not for it.
     extent: Vec3,
     /// Half the width of the root.
     half: f32,
@@ -108,7 +111,13 @@ pub struct Answer {
 
 impl Index {
     /// Indexes `records`; a record's number in the slice is its id.
-    pub fn build(records: &[Record], reach: Reach, weight: Weight, in_front_test: bool, scene_size: f32) -> Self {
+    pub fn build(
+        records: &[Record],
+        reach: Reach,
+        weight: Weight,
+        in_front_test: bool,
+        scene_size: f32,
+    ) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
         let (mut fences, mut areas) = (Vec::new(), Vec::new());
@@ -144,7 +153,8 @@ impl Index {
                 translation: r.translation * gradient_scale,
             });
             if let Some(mut curve) = r.curve {
-                // Where the radius was raised beyond what the error allows, the term must not grow with it, as the gradient's does not.
+                // Where the radius was raised beyond what the error allows, the term must not grow
+                // with it, as the gradient's does not.
                 curve.hessian = curve.hessian * gradient_scale.powi(2);
                 curves.push(curve);
             }
@@ -184,10 +194,12 @@ impl Index {
     }
 
     fn split(&mut self, node: usize, list: Vec<Entry>, center: Vec3, half: f32, depth: u32) {
-        // A cell much smaller than its records would only repeat its parent's list; the mean of the inverse radii speaks for the small ones among them.
+        // A cell much smaller than its records would only repeat its parent's list; the mean of the
+        // inverse radii speaks for the small ones among them.
         let mean = list.iter().map(|e| e.inverse_radius).sum::<f32>() / list.len() as f32;
         if list.len() <= LEAF || depth == MAX_DEPTH || half * mean < SMALLEST_CELL {
-            self.nodes[node] = Node::Leaf { first: self.entries.len() as u32, count: list.len() as u32 };
+            self.nodes[node] =
+                Node::Leaf { first: self.entries.len() as u32, count: list.len() as u32 };
             self.entries.extend(list);
             return;
         }
@@ -199,10 +211,19 @@ impl Index {
             let c = center + half * Vec3::new(sign(1), sign(2), sign(4));
             let inside = list
                 .iter()
-                .filter(|e| ((e.position - c).abs() - 0.5 * half).max(Vec3::ZERO).length() * e.inverse_radius <= 1.0)
+                .filter(|e| {
+                    ((e.position - c).abs() - 0.5 * half).max(Vec3::ZERO).length()
+                        * e.inverse_radius
+                        <= 1.0
+                })
                 .filter(|e| {
                     // The ball around the cell: half its diagonal.
-                    e.detail < SHAPED || self.areas[(e.detail - SHAPED) as usize].may_reach(e.normal, c - e.position, 0.87 * half)
+                    e.detail < SHAPED
+                        || self.areas[(e.detail - SHAPED) as usize].may_reach(
+                            e.normal,
+                            c - e.position,
+                            0.87 * half,
+                        )
                 })
                 .copied()
                 .collect();
@@ -220,7 +241,9 @@ impl Index {
         let (mut node, mut half) = (0, self.half);
         loop {
             match self.nodes[node] {
-                Node::Leaf { first, count } => return &self.entries[first as usize..(first + count) as usize],
+                Node::Leaf { first, count } => {
+                    return &self.entries[first as usize..(first + count) as usize];
+                }
                 Node::Inner(first) => {
                     let up = offset.cmpge(Vec3::ZERO);
                     node = first as usize + up.bitmask() as usize;
@@ -250,7 +273,8 @@ impl Index {
                     continue;
                 }
             }
-            let error = self.reach.relative_error(position, cosine, self.normal_scale * e.inverse_share);
+            let error =
+                self.reach.relative_error(position, cosine, self.normal_scale * e.inverse_share);
             if error >= 1.0 {
                 continue;
             }
@@ -277,7 +301,8 @@ impl Index {
         covered
     }
 
-    /// Calls `visit` for every record with an id below `limit` that is valid at `at`, weighed and extrapolated.
+    /// Calls `visit` for every record with an id below `limit` that is valid at `at`, weighed and
+    /// extrapolated.
     #[inline]
     pub(super) fn visit(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(Valid)) {
         self.valid(at, limit, |e, error| {
@@ -290,7 +315,10 @@ impl Index {
                 p.irradiance + change
             } else {
                 let first = p.translation * offset;
-                let bent = self.curves.get(e.id as usize).map_or(Color::ZERO, |c| c.term(offset, first, p.irradiance));
+                let bent = self
+                    .curves
+                    .get(e.id as usize)
+                    .map_or(Color::ZERO, |c| c.term(offset, first, p.irradiance));
                 p.irradiance + p.rotation * e.normal.cross(at.frame.n) + first + bent
             };
             visit(Valid {
@@ -305,10 +333,13 @@ impl Index {
         });
     }
 
-    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i`
-    /// [WardHeckbert92], with [`Curve::term`] added to the extrapolation where the scheme wants it, or by [`Axes::at`] instead. `None` where no record is valid.
+    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i
+    /// max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i` [WardHeckbert92], with
+    /// [`Curve::term`] added to the extrapolation where the scheme wants it, or by [`Axes::at`]
+    /// instead. `None` where no record is valid.
     pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
-        let (mut sum, mut weights, mut errors, mut shares, mut records) = (Color::ZERO, 0.0, 0.0, 0.0, 0);
+        let (mut sum, mut weights, mut errors, mut shares, mut records) =
+            (Color::ZERO, 0.0, 0.0, 0.0, 0);
         let mut direct = Some(Color::ZERO);
         self.visit(at, limit, |v| {
             sum += v.weight * v.irradiance;

@@ -1,10 +1,13 @@
 //! A cache that threads read while others add to it.
 //!
-//! What readers see is an immutable [`Snapshot`]: the levels of a deterministic fill, and late records of the first level that were added since, in
-//! batches. A batch is a small level with an index of its own; batches of like size are joined, so that there are never more than about log2 of the number of
-//! late records, and a record is indexed again as often. Readers take the snapshot without waiting for anybody.
+//! What readers see is an immutable [`Snapshot`]: the levels of a deterministic fill, and late
+//! records of the first level that were added since, in batches. A batch is a small level with an
+//! index of its own; batches of like size are joined, so that there are never more than about log2
+//! of the number of late records, and a record is indexed again as often. Readers take the snapshot
+//! without waiting for anybody.
 //!
-//! Late records depend on which thread asked first. Where the same records are wanted every time, fill before reading and add nothing.
+//! Late records depend on which thread asked first. Where the same records are wanted every time,
+//! fill before reading and add nothing.
 
 use super::published::Published;
 use super::{Answer, Cache, FillStats, Level, LevelPoints, Record};
@@ -60,7 +63,9 @@ impl Snapshot {
 
     /// All records, deepest level last, each with its level.
     pub fn records(&self) -> impl Iterator<Item = (u8, &Record)> {
-        let of = |level: u8| self.cache.level(level).map_or(&[][..], Level::records).iter().map(move |r| (level, r));
+        let of = |level: u8| {
+            self.cache.level(level).map_or(&[][..], Level::records).iter().map(move |r| (level, r))
+        };
         let late = self.late.iter().flat_map(|l| l.records()).map(|r| (0, r));
         of(0).chain(late).chain((1..self.cache.level_count()).flat_map(of))
     }
@@ -80,7 +85,8 @@ impl Snapshot {
     pub fn compact(&self) -> Cache {
         let mut cache = self.cache.clone();
         if !self.late.is_empty() {
-            let all = self.records().filter(|(level, _)| *level == 0).map(|(_, r)| r.clone()).collect();
+            let all =
+                self.records().filter(|(level, _)| *level == 0).map(|(_, r)| r.clone()).collect();
             cache.replace(0, all);
         }
         cache
@@ -130,21 +136,28 @@ impl Live {
         self.0.get()
     }
 
-    /// Puts another cache here. Late records that are being made for the former one are thrown away.
+    /// Puts another cache here. Late records that are being made for the former one are thrown
+    /// away.
     pub fn replace(&self, cache: Cache) {
-        self.0.update(|s| Some(Snapshot { cache, late: Vec::new(), generation: s.generation + 1, frozen: false }));
+        self.0.update(|s| {
+            Some(Snapshot { cache, late: Vec::new(), generation: s.generation + 1, frozen: false })
+        });
     }
 
     /// Makes the late records part of the first level; more are refused from now on.
     pub fn freeze(&self) {
-        self.0.update(|s| Some(Snapshot { cache: s.compact(), late: Vec::new(), frozen: true, ..s.clone() }));
+        self.0.update(|s| {
+            Some(Snapshot { cache: s.compact(), late: Vec::new(), frozen: true, ..s.clone() })
+        });
     }
 
-    /// Makes late records until every point of `points` is covered. Any number of threads may do so at once; no lock is held while `probe` is asked. Two threads that miss at
-    /// the same place at the same time may both make a record there.
+    /// Makes late records until every point of `points` is covered. Any number of threads may do so
+    /// at once; no lock is held while `probe` is asked. Two threads that miss at the same place
+    /// at the same time may both make a record there.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and [`Error::InvalidArgument`] when the cache is frozen; nothing is added then.
+    /// [`Error::Cancelled`], and [`Error::InvalidArgument`] when the cache is frozen; nothing is
+    /// added then.
     pub fn fill(
         &self,
         probe: &dyn RadianceProbe,
@@ -154,7 +167,9 @@ impl Live {
     ) -> Result<FillStats> {
         let base = self.snapshot();
         if base.frozen {
-            return Err(Error::InvalidArgument("the cache is frozen: it takes no more records".into()));
+            return Err(Error::InvalidArgument(
+                "the cache is frozen: it takes no more records".into(),
+            ));
         }
         if base.cache.level_count() == 0 {
             return Ok(FillStats::default());
@@ -163,7 +178,14 @@ impl Live {
         if points.is_empty() {
             return Ok(FillStats::default());
         }
-        let (batch, stats) = base.cache.filled(probe, 0, &LevelPoints { points, round: 0 }, seed, Vec::new(), progress)?;
+        let (batch, stats) = base.cache.filled(
+            probe,
+            0,
+            &LevelPoints { points, round: 0 },
+            seed,
+            Vec::new(),
+            progress,
+        )?;
         self.0.update(|s| (s.generation == base.generation && !s.frozen).then(|| s.with(batch)));
         Ok(stats)
     }
@@ -221,7 +243,10 @@ mod tests {
         let frozen = live.snapshot();
         assert_eq!((frozen.record_count(), frozen.late.len()), (count, 0));
         assert!(live.fill(&Shell, row(0.5), 1, &Progress::default()).is_err());
-        let close = |p: &SurfacePoint| (now.lookup(p).unwrap().irradiance - frozen.lookup(p).unwrap().irradiance).length() < 1e-4;
+        let close = |p: &SurfacePoint| {
+            (now.lookup(p).unwrap().irradiance - frozen.lookup(p).unwrap().irradiance).length()
+                < 1e-4
+        };
         assert!(row(0.0).iter().all(close), "one index answers differently from several");
     }
 
@@ -235,7 +260,12 @@ mod tests {
                     for k in 0..20 {
                         let points = row((k * 4 + t) as f32 * 0.025 - 1.0);
                         live.fill(&Shell, points.clone(), 1, &Progress::default()).unwrap();
-                        live.read(|s| assert!(points.iter().all(|p| s.lookup(p).is_some()), "its own records are missing"));
+                        live.read(|s| {
+                            assert!(
+                                points.iter().all(|p| s.lookup(p).is_some()),
+                                "its own records are missing"
+                            )
+                        });
                     }
                 });
             }
@@ -243,9 +273,13 @@ mod tests {
                 s.spawn(|| {
                     let mut before = 0;
                     for _ in 0..500 {
-                        let (count, answers) =
-                            live.read(|s| (s.record_count(), row(0.0).iter().filter_map(|p| s.lookup(p)).count()));
-                        assert!(count >= before && answers <= 100, "{count} records after {before}");
+                        let (count, answers) = live.read(|s| {
+                            (s.record_count(), row(0.0).iter().filter_map(|p| s.lookup(p)).count())
+                        });
+                        assert!(
+                            count >= before && answers <= 100,
+                            "{count} records after {before}"
+                        );
                         before = count;
                     }
                 });
@@ -258,7 +292,13 @@ mod tests {
         /// Replaces the cache while its own gather is under way.
         struct Meddler<'a>(&'a Live);
         impl RadianceProbe for Meddler<'_> {
-            fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
+            fn incoming(
+                &self,
+                from: &SurfacePoint,
+                level: u8,
+                deeper: &dyn Deeper,
+                bundle: &mut Bundle,
+            ) {
                 Shell.incoming(from, level, deeper, bundle);
                 self.0.replace(self.0.snapshot().cache().clone());
             }

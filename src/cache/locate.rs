@@ -1,4 +1,5 @@
-//! Which shading points lie in a record's area: a bounding volume hierarchy over points that never move.
+//! Which shading points lie in a record's area: a bounding volume hierarchy over points that never
+//! move.
 
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::Vec3;
@@ -9,8 +10,8 @@ const LEAF: usize = 16;
 /// Bits of each coordinate in the order along which points are laid out.
 const BITS: u32 = 21;
 
-/// The points along a space-filling curve, with the bounds of the implicit binary tree over runs of [`LEAF`] of them: node 0 covers everything, node i's
-/// halves are 2i+1 and 2i+2.
+/// The points along a space-filling curve, with the bounds of the implicit binary tree over runs of
+/// [`LEAF`] of them: node 0 covers everything, node i's halves are 2i+1 and 2i+2.
 pub struct Locator {
     positions: Vec<Vec3>,
     ids: Vec<u32>,
@@ -22,11 +23,17 @@ impl Locator {
     /// The tree of `points`; their numbers are their ids.
     pub fn build(points: &[SurfacePoint]) -> Self {
         let bounds = points.iter().fold(Aabb::EMPTY, |b, p| b.with(p.position));
-        let scale = (1 << BITS) as f32 / (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE);
+        let scale =
+            (1 << BITS) as f32 / (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE);
         let mut order: Vec<(u64, u32)> = points
             .par_iter()
             .enumerate()
-            .map(|(id, p)| (morton(((p.position - bounds.min) * scale).to_array().map(|x| x as u32)), id as u32))
+            .map(|(id, p)| {
+                (
+                    morton(((p.position - bounds.min) * scale).to_array().map(|x| x as u32)),
+                    id as u32,
+                )
+            })
             .collect();
         order.par_sort_unstable();
         let ids: Vec<u32> = order.into_iter().map(|(_, id)| id).collect();
@@ -42,13 +49,16 @@ impl Locator {
         Self { positions, ids, nodes, leaves }
     }
 
-    /// Calls `visit` with the id of every point within `radius` of `center`, in an order that depends on nothing but the points.
+    /// Calls `visit` with the id of every point within `radius` of `center`, in an order that
+    /// depends on nothing but the points.
     pub fn within(&self, center: Vec3, radius: f32, mut visit: impl FnMut(u32)) {
         let r2 = radius * radius;
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             let b = &self.nodes[node];
-            if b.is_empty() || (b.min - center).max(center - b.max).max(Vec3::ZERO).length_squared() > r2 {
+            if b.is_empty()
+                || (b.min - center).max(center - b.max).max(Vec3::ZERO).length_squared() > r2
+            {
                 continue;
             }
             if node + 1 < self.leaves {
@@ -93,7 +103,8 @@ mod tests {
     fn finds_what_a_search_of_all_points_finds() {
         let mut rng = Rng::new(8);
         for count in [0, 1, 16, 17, 100, 3000] {
-            let mut random = || Vec3::new(rng.next_f32(), 3.0 * rng.next_f32(), (rng.next_f32() * 2.0).floor());
+            let mut random =
+                || Vec3::new(rng.next_f32(), 3.0 * rng.next_f32(), (rng.next_f32() * 2.0).floor());
             let points: Vec<_> = (0..count).map(|_| point(random())).collect();
             let locator = Locator::build(&points);
             for _ in 0..100 {
@@ -101,7 +112,9 @@ mod tests {
                 let mut found = Vec::new();
                 locator.within(center, radius, |id| found.push(id));
                 found.sort_unstable();
-                let inside = |id: &u32| points[*id as usize].position.distance_squared(center) <= radius * radius;
+                let inside = |id: &u32| {
+                    points[*id as usize].position.distance_squared(center) <= radius * radius
+                };
                 let expected: Vec<u32> = (0..count).filter(inside).collect();
                 assert_eq!(found, expected);
             }

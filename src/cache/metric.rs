@@ -1,12 +1,21 @@
-//! How far a record's extrapolation can be trusted, from derivatives of irradiance: discs, ellipses and sectors.
+//! How far a record's extrapolation can be trusted, from derivatives of irradiance: discs, ellipses
+//! and sectors.
 //!
-//! A record that is extrapolated by its gradient leaves out `½ xᵀHx` [Jarosz12; Schwarzhaupt12]. Over an ellipse with semi-axes R_1, R_2 along the eigenvectors of H that adds up to
-//! `ε = (π/8) R_1 R_2 (|λ_1| R_1² + |λ_2| R_2²)`. The published semi-axes `R_i = (4ε/(π|λ_i|))^¼` treat each axis as if the area were a disc with its eigenvalue: right where both are equal, else the
-//! error is `(k + 1/k)/2` times the wanted one, `k = |λ_1/λ_2|^¼`. The ellipse of the largest area for a given error has `|λ_1| R_1² = |λ_2| R_2²`, the square of the published aspect and the same area.
+//! A record that is extrapolated by its gradient leaves out `½ xᵀHx` [Jarosz12; Schwarzhaupt12].
+//! Over an ellipse with semi-axes R_1, R_2 along the eigenvectors of H that adds up to `ε = (π/8)
+//! R_1 R_2 (|λ_1| R_1² + |λ_2| R_2²)`. The published semi-axes `R_i = (4ε/(π|λ_i|))^¼` treat each
+//! axis as if the area were a disc with its eigenvalue: right where both are equal, else the
+//! error is `(k + 1/k)/2` times the wanted one, `k = |λ_1/λ_2|^¼`. The ellipse of the largest area
+//! for a given error has `|λ_1| R_1² = |λ_2| R_2²`, the square of the published aspect and the same
+//! area.
 //!
-//! All errors are relative to the record's irradiance. In a black world there is none to be relative to, nor a Hessian; the surroundings bound the area then as if they shone independently of each other
-//! ([`HemisphereSamples::geometric_curvature`]), and one percent of that, times the mean radiance, is a floor everywhere: an occluder that looks black may only be dim, or black for lack of rays. The
-//! published floor adds the one percent to the radiance of every triangle instead, which on a hemisphere closed at the horizon changes nothing, since a uniform world has no derivatives.
+//! All errors are relative to the record's irradiance. In a black world there is none to be
+//! relative to, nor a Hessian; the surroundings bound the area then as if they shone independently
+//! of each other ([`HemisphereSamples::geometric_curvature`]), and one percent of that, times the
+//! mean radiance, is a floor everywhere: an occluder that looks black may only be dim, or black for
+//! lack of rays. The published floor adds the one percent to the radiance of every triangle
+//! instead, which on a hemisphere closed at the horizon changes nothing, since a uniform world has
+//! no derivatives.
 
 use super::footprint::{Footprint, SECTORS};
 use super::scheme::{ErrorMeasure, FootprintKind, Metric, Scheme};
@@ -17,9 +26,14 @@ use std::f64::consts::{FRAC_PI_8, PI};
 /// Share of the curvature that the surroundings could cause which is always reckoned with.
 pub(super) const FLOOR: f64 = 0.01;
 
-/// The derivatives that a record of `scheme` is made from. Those of the triangulated hemisphere are estimated together, and only where the scheme asks for them.
+/// The derivatives that a record of `scheme` is made from. Those of the triangulated hemisphere are
+/// estimated together, and only where the scheme asks for them.
 pub(super) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Derivatives {
-    let mut d = if scheme.triangulates() { samples.triangulated(scheme.triangle_radiance) } else { Derivatives::default() };
+    let mut d = if scheme.triangulates() {
+        samples.triangulated(scheme.triangle_radiance)
+    } else {
+        Derivatives::default()
+    };
     if scheme.translational_gradient != crate::gather::TranslationalGradient::Triangulated {
         d.gradient = samples.translational_gradient(scheme.translational_gradient);
     }
@@ -39,8 +53,14 @@ pub(super) fn shape(
 ) -> Footprint {
     let disc = |r| Footprint::Disc { r };
     match scheme.metric {
-        Metric::Minimum | Metric::MinimumRestricted if scheme.footprint == FootprintKind::Sectors => {
-            sectors(scheme, samples.frame(), samples.sector_distances(scheme.metric == Metric::MinimumRestricted))
+        Metric::Minimum | Metric::MinimumRestricted
+            if scheme.footprint == FootprintKind::Sectors =>
+        {
+            sectors(
+                scheme,
+                samples.frame(),
+                samples.sector_distances(scheme.metric == Metric::MinimumRestricted),
+            )
         }
         Metric::Harmonic => disc(samples.harmonic_distance()),
         Metric::Minimum => disc(samples.minimum_distance()),
@@ -52,7 +72,8 @@ pub(super) fn shape(
             // Of the mean radiance, or of a world of radiance 1.
             let floor = if lit { FLOOR * e / PI } else { 1.0 };
             if scheme.metric == Metric::Gradient {
-                let [s, t] = [derivatives.gradient.s, derivatives.gradient.t].map(|c| f64::from(luminance(c)));
+                let [s, t] = [derivatives.gradient.s, derivatives.gradient.t]
+                    .map(|c| f64::from(luminance(c)));
                 let slope = s.hypot(t) + floor * f64::from(samples.geometric_slope());
                 return disc(first_order(scheme.error_measure, e, slope, size) as f32);
             }
@@ -66,14 +87,17 @@ pub(super) fn shape(
                 }),
                 _ => {
                     let [ss, st, tt] = [h.ss, h.st, h.tt].map(|c| f64::from(luminance(c)));
-                    curvature.ellipse(absolute(DMat2::from_cols(DVec2::new(ss, st), DVec2::new(st, tt))) + floor)
+                    curvature.ellipse(
+                        absolute(DMat2::from_cols(DVec2::new(ss, st), DVec2::new(st, tt))) + floor,
+                    )
                 }
             }
         }
     }
 }
 
-/// The radius at which |g·x| over a disc is e on average, or adds up to e times the square of the scene's size: `∫|g·x| = (4/3) R³ |g|`. The thesis of Zhao prints `π R² |g|` [Zhao, Eq. 3.6],
+/// The radius at which |g·x| over a disc is e on average, or adds up to e times the square of the
+/// scene's size: `∫|g·x| = (4/3) R³ |g|`. The thesis of Zhao prints `π R² |g|` [Zhao, Eq. 3.6],
 /// which has another dimension.
 fn first_order(measure: ErrorMeasure, e: f64, slope: f64, size: f64) -> f64 {
     match measure {
@@ -100,7 +124,9 @@ impl Curvature<'_> {
             return [f64::INFINITY; 2];
         }
         let total = self.e * self.size * self.size;
-        if self.scheme.footprint == FootprintKind::Ellipse && self.scheme.error_measure == ErrorMeasure::Total {
+        if self.scheme.footprint == FootprintKind::Ellipse
+            && self.scheme.error_measure == ErrorMeasure::Total
+        {
             // As published, axis by axis.
             let [short, long] = [large, small].map(|l| (4.0 * total / (PI * l)).powf(0.25));
             return [short, long.min(widest * short)];
@@ -136,18 +162,24 @@ impl Curvature<'_> {
         Footprint::Ellipse { axis: axis.x * self.frame.s + axis.y * self.frame.t, r }
     }
 
-    /// Along each axis u the radius is that of a disc with the curvature `bend(u)`, for irradiance the quartic form `Q(u) = sqrt(Σ_c (uᵀ H_c u)²)` over the channels; each axis stands for a sector and takes the
-    /// strongest curvature along its middle and its borders.
+    /// Along each axis u the radius is that of a disc with the curvature `bend(u)`, for irradiance
+    /// the quartic form `Q(u) = sqrt(Σ_c (uᵀ H_c u)²)` over the channels; each axis stands for a
+    /// sector and takes the strongest curvature along its middle and its borders.
     pub fn sectors(&self, bend: impl Fn(DVec2) -> f64) -> Footprint {
         self.axes(bend, |strongest| self.semi_axes(strongest, strongest)[0])
     }
 
     /// Sectors whose radii are `radius` of the largest of `bend(u)` in each.
     pub fn axes(&self, bend: impl Fn(DVec2) -> f64, radius: impl Fn(f64) -> f64) -> Footprint {
-        // Opposite directions have the same curvature, so half a turn in steps of 22.5° is enough: even ones are axes, odd ones borders.
-        let bend: [f64; SECTORS] = std::array::from_fn(|k| bend(DVec2::from_angle(FRAC_PI_8 * k as f64)));
+        // Opposite directions have the same curvature, so half a turn in steps of 22.5° is enough:
+        // even ones are axes, odd ones borders.
+        let bend: [f64; SECTORS] =
+            std::array::from_fn(|k| bend(DVec2::from_angle(FRAC_PI_8 * k as f64)));
         let r = std::array::from_fn(|k| {
-            let strongest = [2 * k + SECTORS - 1, 2 * k, 2 * k + 1].into_iter().map(|k| bend[k % SECTORS]).fold(0.0, f64::max);
+            let strongest = [2 * k + SECTORS - 1, 2 * k, 2 * k + 1]
+                .into_iter()
+                .map(|k| bend[k % SECTORS])
+                .fold(0.0, f64::max);
             radius(strongest) as f32
         });
         sectors(self.scheme, self.frame, r)
@@ -160,7 +192,8 @@ fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Footprint {
     Footprint::Sectors { axis: frame.s, r: r.map(|r| r.min(longest)) }
 }
 
-/// The size of a difference in colour on the scale of luminance, `sqrt(Σ w_c x_c²)` with the weights of luminance: changes of hue that luminance does not see count, too.
+/// The size of a difference in colour on the scale of luminance, `sqrt(Σ w_c x_c²)` with the
+/// weights of luminance: changes of hue that luminance does not see count, too.
 pub(super) fn size(c: Color) -> f32 {
     luminance(c * c).sqrt()
 }
@@ -173,7 +206,8 @@ pub(super) fn absolute(m: DMat2) -> DMat2 {
     if spread <= 0.0 {
         return a * DMat2::IDENTITY;
     }
-    // The eigenvectors stay; with P the projection on the first one, |m| = b Id + (a - b) P and m = (mean - spread) Id + 2 spread P.
+    // The eigenvectors stay; with P the projection on the first one, |m| = b Id + (a - b) P and m =
+    // (mean - spread) Id + 2 spread P.
     let projection = (m - (mean - spread) * DMat2::IDENTITY) * (0.5 / spread);
     b * DMat2::IDENTITY + (a - b) * projection
 }
@@ -205,18 +239,30 @@ mod tests {
         for _ in 0..1000 {
             let m = matrix(&mut rng);
             let ([large, small], v) = eigen(m);
-            assert!((m * v - large * v).length() < 1e-12 && (m * v.perp() - small * v.perp()).length() < 1e-12);
+            assert!(
+                (m * v - large * v).length() < 1e-12
+                    && (m * v.perp() - small * v.perp()).length() < 1e-12
+            );
             let a = absolute(m);
-            assert!((a * v - large.abs() * v).length() < 1e-12 && (a * v.perp() - small.abs() * v.perp()).length() < 1e-12);
+            assert!(
+                (a * v - large.abs() * v).length() < 1e-12
+                    && (a * v.perp() - small.abs() * v.perp()).length() < 1e-12
+            );
         }
         assert_eq!(absolute(-2.0 * DMat2::IDENTITY), 2.0 * DMat2::IDENTITY);
     }
 
     fn scheme(footprint: FootprintKind, error_measure: ErrorMeasure, max_aspect: f32) -> Scheme {
-        Scheme { footprint, error_measure, max_aspect, ..Preset::by_name("schwarzhaupt12").unwrap().scheme() }
+        Scheme {
+            footprint,
+            error_measure,
+            max_aspect,
+            ..Preset::by_name("schwarzhaupt12").unwrap().scheme()
+        }
     }
 
-    /// The midpoints of n² equal cells of the square of sides 1 and 2π: radius and azimuth of a disc.
+    /// The midpoints of n² equal cells of the square of sides 1 and 2π: radius and azimuth of a
+    /// disc.
     fn cells(n: u32) -> impl Iterator<Item = (f64, f64)> {
         let middle = move |i: u32| (f64::from(i) + 0.5) / f64::from(n);
         (0..n * n).map(move |k| (middle(k / n), 2.0 * PI * middle(k % n)))
@@ -238,7 +284,9 @@ mod tests {
     fn ellipses_have_the_error_they_should() {
         let frame = Frame::from_normal(Vec3::Z);
         let (e, size) = (0.7, 3.0);
-        for footprint in [FootprintKind::Disc, FootprintKind::Ellipse, FootprintKind::OptimalEllipse] {
+        for footprint in
+            [FootprintKind::Disc, FootprintKind::Ellipse, FootprintKind::OptimalEllipse]
+        {
             for measure in [ErrorMeasure::Average, ErrorMeasure::Total] {
                 for max_aspect in [2.0_f32, 1e6] {
                     let scheme = scheme(footprint, measure, max_aspect);
@@ -247,10 +295,15 @@ mod tests {
                         let r = curvature.semi_axes(large, small);
                         assert!(r[0] <= r[1] && r[1] <= 1.0001 * f64::from(max_aspect) * r[0]);
                         let (total, area) = error(r, large, small);
-                        let got = if measure == ErrorMeasure::Total { total / (size * size) } else { total / area };
+                        let got = if measure == ErrorMeasure::Total {
+                            total / (size * size)
+                        } else {
+                            total / area
+                        };
                         let mut factor = 1.0;
                         if footprint == FootprintKind::Ellipse && measure == ErrorMeasure::Total {
-                            // The published axes do not meet the bound unless the eigenvalues are alike; once clamped they are below that.
+                            // The published axes do not meet the bound unless the eigenvalues are
+                            // alike; once clamped they are below that.
                             let k = (large / small).powf(0.25);
                             factor = 0.5 * (k + 1.0 / k);
                             if k > f64::from(max_aspect) {
@@ -258,7 +311,10 @@ mod tests {
                                 continue;
                             }
                         }
-                        assert!((got / (factor * e) - 1.0).abs() < 1e-4, "{footprint:?} {measure:?} {large} {small}: {got}");
+                        assert!(
+                            (got / (factor * e) - 1.0).abs() < 1e-4,
+                            "{footprint:?} {measure:?} {large} {small}: {got}"
+                        );
                     }
                 }
             }
@@ -285,7 +341,9 @@ mod tests {
         let scheme = scheme(FootprintKind::Sectors, ErrorMeasure::Average, 3.0);
         let curvature = Curvature { scheme: &scheme, size: 1.0, e: 1.0, frame: &frame };
         // Bends along t only; the average over a disc of ½·4 x² is 4 R²/4.
-        let Footprint::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else { unreachable!() };
+        let Footprint::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else {
+            unreachable!()
+        };
         assert!((r[2] - 1.0).abs() < 1e-6 && (r[6] - 1.0).abs() < 1e-6, "{r:?}");
         assert!(r[0] > 2.5 && r[0] <= 3.0 && r[4] == r[0] && r[1] < r[0], "{r:?}");
     }

@@ -1,9 +1,12 @@
-//! Irradiance caching: records, the schemes that place and use them, their index, and the filling of the levels.
+//! Irradiance caching: records, the schemes that place and use them, their index, and the filling
+//! of the levels.
 //!
-//! The life of a record: the fill finds a shading point that no record covers ([`fill`](Cache::fill)), casts a [gather](crate::gather) there, makes a [`Record`] from it
-//! (value, error, gradients, length R_i), shortens R_i to fit its neighbours, and puts it into the [`Index`] that lookups read. Levels are filled from the deepest
-//! to the first, so a gather reads only finished caches. A scheme may then have the first level [refined](Cache::converge): records that disagree where they
-//! overlap are allowed less error, and more records are made between them.
+//! The life of a record: the fill finds a shading point that no record covers
+//! ([`fill`](Cache::fill)), casts a [gather](crate::gather) there, makes a [`Record`] from it
+//! (value, error, gradients, length R_i), shortens R_i to fit its neighbours, and puts it into the
+//! [`Index`] that lookups read. Levels are filled from the deepest to the first, so a gather reads
+//! only finished caches. A scheme may then have the first level [refined](Cache::converge): records
+//! that disagree where they overlap are allowed less error, and more records are made between them.
 
 mod axes;
 mod columns;
@@ -39,13 +42,15 @@ pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
 pub use outgoing::Lobes;
 pub use preset::{PRESETS, Preset};
-pub use radiance::{GlossyView, LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints, Sources};
+pub use radiance::{
+    GlossyView, LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints, Sources,
+};
 pub use radiance_payload::{HitStorage, Storage};
 pub use radiance_placement::{RadianceMetric, RadiancePlacement, Reflector};
 pub use record::{Curve, Reach, Record};
 pub use scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands, RadianceFrame, Refinement,
-    Scheme, Strata, Weight,
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands,
+    RadianceFrame, Refinement, Scheme, Strata, Weight,
 };
 
 use crate::gather::Deeper;
@@ -60,7 +65,8 @@ pub struct Level {
 }
 
 impl Level {
-    /// The records; their positions in the slice are their ids, in the order in which they were made.
+    /// The records; their positions in the slice are their ids, in the order in which they were
+    /// made.
     pub fn records(&self) -> &[Record] {
         &self.records
     }
@@ -77,20 +83,23 @@ impl Level {
     }
 }
 
-/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k bounces behind that. Copies share their levels.
+/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k
+/// bounces behind that. Copies share their levels.
 #[derive(Clone)]
 pub struct Cache {
     scheme: Scheme,
     scene_size: f32,
-    /// Light paths have no bound on their length, so that every level holds the same quantity and any may stand in for another.
+    /// Light paths have no bound on their length, so that every level holds the same quantity and
+    /// any may stand in for another.
     unlimited: bool,
     /// `None` until the level is filled.
     levels: Vec<Option<Arc<Level>>>,
 }
 
 impl Cache {
-    /// An empty cache for light paths of at most `max_bounces` interactions after the camera hit (`u32::MAX`: no bound), in a scene whose diagonal is
-    /// `scene_size`. It has the scheme's levels, but no more than the paths have bounces.
+    /// An empty cache for light paths of at most `max_bounces` interactions after the camera hit
+    /// (`u32::MAX`: no bound), in a scene whose diagonal is `scene_size`. It has the scheme's
+    /// levels, but no more than the paths have bounces.
     pub fn new(scheme: Scheme, max_bounces: u32, scene_size: f32) -> Self {
         let count = u32::from(scheme.levels).min(max_bounces);
         let levels = (0..count).map(|_| None).collect();
@@ -132,7 +141,8 @@ impl Cache {
         self.levels.iter().flatten().map(|l| l.records.len()).sum()
     }
 
-    /// Puts `records` in the place of those of `level`. Their lengths are clamped anew to those of their neighbours, if the scheme asks for it.
+    /// Puts `records` in the place of those of `level`. Their lengths are clamped anew to those of
+    /// their neighbours, if the scheme asks for it.
     ///
     /// # Panics
     /// When the cache has no such level.
@@ -151,7 +161,8 @@ impl Cache {
     /// `records` as a level: clamped to their neighbours and indexed.
     fn level_of(&self, level: u8, mut records: Vec<Record>) -> Level {
         if self.scheme.neighbour_clamp {
-            let envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
+            let envelope =
+                Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
             record::clamp_to_neighbours(&mut records, &envelope);
         }
         self.finish(level, records)
@@ -165,7 +176,8 @@ impl Cache {
 }
 
 impl Deeper for Cache {
-    /// With bounded paths records of exactly `level` answer: those of another level hold light of more or fewer bounces. Without a bound all levels hold the same quantity: the first filled
+    /// With bounded paths records of exactly `level` answer: those of another level hold light of
+    /// more or fewer bounces. Without a bound all levels hold the same quantity: the first filled
     /// one that covers the point answers, so the most accurate.
     #[inline]
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color> {

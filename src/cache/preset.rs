@@ -4,12 +4,14 @@ use super::axes::MAX_TILT;
 use super::radiance_payload::{HitStorage, Storage};
 use super::radiance_placement::{RadianceMetric, RadiancePlacement};
 use super::scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands, RadianceFrame, Refinement,
-    Scheme, Strata, Weight,
+    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands,
+    RadianceFrame, Refinement, Scheme, Strata, Weight,
 };
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
-use crate::gather::{Density, HitChange, RadianceGradient, TranslationalGradient, TriangleRadiance};
+use crate::gather::{
+    Density, HitChange, RadianceGradient, TranslationalGradient, TriangleRadiance,
+};
 use std::f32::consts::FRAC_PI_2;
 
 /// In radians, the limit of normals of [Tabellion04].
@@ -34,7 +36,10 @@ impl Preset {
     pub fn by_name(name: &str) -> Result<&'static Self> {
         PRESETS.iter().find(|p| p.name == name).ok_or_else(|| {
             let names: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
-            Error::InvalidArgument(format!("there is no preset `{name}`; the presets are {}", names.join(", ")))
+            Error::InvalidArgument(format!(
+                "there is no preset `{name}`; the presets are {}",
+                names.join(", ")
+            ))
         })
     }
 
@@ -198,7 +203,11 @@ fn jarosz12() -> Scheme {
 }
 
 fn schwarzhaupt12() -> Scheme {
-    Scheme { metric: Metric::Hessian, translational_gradient: TranslationalGradient::Triangulated, ..jarosz12() }
+    Scheme {
+        metric: Metric::Hessian,
+        translational_gradient: TranslationalGradient::Triangulated,
+        ..jarosz12()
+    }
 }
 
 /// The thesis: harmonics on all surfaces, areas from the Hessians of the coefficients.
@@ -299,7 +308,8 @@ fn auto() -> Scheme {
         smoothing: 2.0,
         min_pixels: 3.0,
         fences: true,
-        // A deeper level that is as careful as the first keeps the mean within 0.2 % on the Cornell box; 1.5 times the error, as elsewhere, costs 0.6 %.
+        // A deeper level that is as careful as the first keeps the mean within 0.2 % on the Cornell
+        // box; 1.5 times the error, as elsewhere, costs 0.6 %.
         deeper_error: 1.0,
         levels: 2,
         radiance_order: 14,
@@ -308,7 +318,8 @@ fn auto() -> Scheme {
         radiance_error: 0.5,
         radiance_share: 0.2,
         radiance_break_even: 64.0,
-        // On curved walls of rough metal records have two thirds of the error of paths, for four times their time.
+        // On curved walls of rough metal records have two thirds of the error of paths, for four
+        // times their time.
         radiance_curved_order: 0,
         ..ward_heckbert92()
     }

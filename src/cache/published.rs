@@ -1,6 +1,7 @@
 //! A value that one thread at a time replaces while any number of threads read it.
 //!
-//! Readers never wait: a read costs no more while somebody writes. `tests/loom` goes through all interleavings of this file.
+//! Readers never wait: a read costs no more while somebody writes. `tests/loom` goes through all
+//! interleavings of this file.
 
 use super::sync::{Arc, Mutex, Swap};
 use std::sync::PoisonError;
@@ -29,7 +30,8 @@ impl<T> Published<T> {
         self.current.load_full()
     }
 
-    /// Puts `change(current)` in the place of the current version, or nothing if that is `None`; no other change comes between. Returns whether it did.
+    /// Puts `change(current)` in the place of the current version, or nothing if that is `None`; no
+    /// other change comes between. Returns whether it did.
     pub fn update(&self, change: impl FnOnce(&T) -> Option<T>) -> bool {
         // A writer that panicked has stored nothing: what the lock guards is whole.
         let _turn = self.writing.lock().unwrap_or_else(PoisonError::into_inner);

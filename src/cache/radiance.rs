@@ -1,16 +1,26 @@
 //! Radiance records: incident radiance in harmonics, beside the irradiance that every record holds.
 //!
-//! They serve glossy surfaces of low frequency: what such a surface sends to the viewer is the product of two vectors, the record's coefficients and those of the lobe. Records are placed as irradiance
-//! records are, in a cache of their own.
+//! They serve glossy surfaces of low frequency: what such a surface sends to the viewer is the
+//! product of two vectors, the record's coefficients and those of the lobe. Records are placed as
+//! irradiance records are, in a cache of their own.
 
 use super::radiance_payload::{HitStorage, Payload};
-use super::radiance_placement::{RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape};
-use super::{
-    Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach, Record, Refinement, Scheme,
+use super::radiance_placement::{
+    RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape,
 };
-use crate::basis::{Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle, zonal_factors};
+use super::{
+    Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach,
+    Record, Refinement, Scheme,
+};
+use crate::basis::{
+    Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle,
+    zonal_factors,
+};
 use crate::error::Result;
-use crate::gather::{Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe, StoredHit};
+use crate::gather::{
+    Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe,
+    StoredHit,
+};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec2, Vec3, luminance};
 use crate::progress::Progress;
@@ -32,7 +42,8 @@ pub(super) struct Radiance {
     surroundings: Option<Surroundings>,
     /// What its rays hit, if the scheme has it kept.
     hits: Vec<StoredHit>,
-    /// How uncertain the light is, see [`HemisphereSamples::uncertainty`], in the frame of the coefficients; empty if the scheme does not ask.
+    /// How uncertain the light is, see [`HemisphereSamples::uncertainty`], in the frame of the
+    /// coefficients; empty if the scheme does not ask.
     uncertainty: Vec<f32>,
 }
 
@@ -133,8 +144,9 @@ const MOST_CORRECTION: f32 = 2.0;
 const WORLD: Frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z };
 
 impl RadianceCache {
-    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most `max_bounces` interactions in a scene whose diagonal is `scene_size`. It holds what surfaces `level` bounces behind the
-    /// first need.
+    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most
+    /// `max_bounces` interactions in a scene whose diagonal is `scene_size`. It holds what surfaces
+    /// `level` bounces behind the first need.
     ///
     /// # Panics
     /// When the scheme or the paths have no such level.
@@ -142,11 +154,24 @@ impl RadianceCache {
         let order = usize::from(scheme.radiance_order);
         let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
-        let maker = Maker { scheme: scheme.for_radiance(), level, scene_size, bases, rotation: OnceLock::new(), cosine };
+        let maker = Maker {
+            scheme: scheme.for_radiance(),
+            level,
+            scene_size,
+            bases,
+            rotation: OnceLock::new(),
+            cosine,
+        };
         let padding = scheme.radiance_padding;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
         assert!(level < cache.level_count(), "there is no level {level}");
-        Self { cache, maker: Arc::new(maker), records: Vec::new(), gradient_scales: Vec::new(), padding }
+        Self {
+            cache,
+            maker: Arc::new(maker),
+            records: Vec::new(),
+            gradient_scales: Vec::new(),
+            padding,
+        }
     }
 
     /// The level.
@@ -154,8 +179,10 @@ impl RadianceCache {
         self.maker.level
     }
 
-    /// Makes records until every point is covered, beside those that there are already; gathers take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect, for schemes that place
-    /// records by outgoing radiance. As [`Cache::fill`], of which it is a kind.
+    /// Makes records until every point is covered, beside those that there are already; gathers
+    /// take indirect light at their hits from `deeper`, and `reflector` tells how surfaces reflect,
+    /// for schemes that place records by outgoing radiance. As [`Cache::fill`], of which it is
+    /// a kind.
     ///
     /// # Errors
     /// [`crate::error::Error::Cancelled`]; the cache stays as it was then.
@@ -170,12 +197,21 @@ impl RadianceCache {
     ) -> Result<FillStats> {
         let making = Making { maker: &self.maker, reflector };
         let sources = Sources { probe, deeper, reflector };
-        let stats = self.cache.fill_radiance(&sources, points, making, &mut self.records, seed, progress)?;
+        let stats = self.cache.fill_radiance(
+            &sources,
+            points,
+            making,
+            &mut self.records,
+            seed,
+            progress,
+        )?;
         self.rescale();
         Ok(stats)
     }
 
-    /// Gives all records the areas that another viewer needs, `towards` being the direction to it from a position, where the scheme places records by what the viewer sees; else nothing changes. Fences and orders stay as they are.
+    /// Gives all records the areas that another viewer needs, `towards` being the direction to it
+    /// from a position, where the scheme places records by what the viewer sees; else nothing
+    /// changes. Fences and orders stay as they are.
     pub fn see_from(&mut self, reflector: &dyn Reflector, towards: &(dyn Fn(Vec3) -> Vec3 + Sync)) {
         if self.maker.scheme.radiance_placement != RadiancePlacement::View {
             return;
@@ -191,15 +227,31 @@ impl RadianceCache {
         self.rescale();
     }
 
-    /// Refines the filled cache until it has fully converged with respect to `points` [Krivanek06, Algorithm 1]: as [`Cache::converge`], but records are compared by the radiance that leaves the points by all
-    /// their lobes. So their density follows the sharpness of the lobes and the direction of view.
+    /// Refines the filled cache until it has fully converged with respect to `points` [Krivanek06,
+    /// Algorithm 1]: as [`Cache::converge`], but records are compared by the radiance that leaves
+    /// the points by all their lobes. So their density follows the sharpness of the lobes and
+    /// the direction of view.
     ///
     /// # Errors
-    /// [`crate::error::Error::Cancelled`], and the cache is empty then; [`crate::error::Error::InvalidArgument`] if `points` and `appearance` are not of one length.
-    pub fn converge(&mut self, view: &GlossyView, sources: &Sources, seed: u64, progress: &Progress) -> Result<FillStats> {
+    /// [`crate::error::Error::Cancelled`], and the cache is empty then;
+    /// [`crate::error::Error::InvalidArgument`] if `points` and `appearance` are not of one length.
+    pub fn converge(
+        &mut self,
+        view: &GlossyView,
+        sources: &Sources,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<FillStats> {
         let records = std::mem::take(&mut self.records);
         let making = Making { maker: &self.maker, reflector: sources.reflector };
-        let outcome = self.cache.converge_radiance(view, sources, (making, self.padding), records, seed, progress);
+        let outcome = self.cache.converge_radiance(
+            view,
+            sources,
+            (making, self.padding),
+            records,
+            seed,
+            progress,
+        );
         let (records, stats) = outcome?;
         self.records = records;
         self.rescale();
@@ -210,7 +262,8 @@ impl RadianceCache {
     fn rescale(&mut self) {
         let reach = self.cache.shading_reach(self.maker.level);
         let level = self.cache.level(self.maker.level).map_or(&[][..], |l| l.records());
-        self.gradient_scales = level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
+        self.gradient_scales =
+            level.iter().map(|r| reach.radius(r.length, r.footprint).1).collect();
     }
 
     /// The irradiance part of the records, by their ids.
@@ -225,21 +278,33 @@ impl RadianceCache {
 
     /// Bytes that records and index occupy.
     pub fn bytes(&self) -> usize {
-        let numbers: usize = self.records.iter().map(|r| r.payload.bytes() + size_of_val(&r.hits[..])).sum();
-        self.cache.level(self.maker.level).map_or(0, |l| l.bytes()) + self.records.len() * size_of::<Radiance>() + numbers
+        let numbers: usize =
+            self.records.iter().map(|r| r.payload.bytes() + size_of_val(&r.hits[..])).sum();
+        self.cache.level(self.maker.level).map_or(0, |l| l.bytes())
+            + self.records.len() * size_of::<Radiance>()
+            + numbers
     }
 
-    /// Radiance from the records with ids below `limit` that leaves towards `at.wo` by the lobe with the coefficients `lobe`:
+    /// Radiance from the records with ids below `limit` that leaves towards `at.wo` by the lobe
+    /// with the coefficients `lobe`:
     ///
     /// ```text
     /// L = Σ w_i max(0, c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y)) / Σ w_i      [Krivanek05, Eq. 12-13]
     /// ```
     ///
-    /// The gradient is applied before the rotation R_i from the record's frame to the point's, and instead of Λ_i the one vector c is rotated, by the inverse. Each record is clamped by itself; a tilted
-    /// one is scaled so that its irradiance is what the rotational gradient predicts. `None` where no record is valid.
-    pub fn lookup(&self, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients) -> Option<RadianceAnswer> {
+    /// The gradient is applied before the rotation R_i from the record's frame to the point's, and
+    /// instead of Λ_i the one vector c is rotated, by the inverse. Each record is clamped by
+    /// itself; a tilted one is scaled so that its irradiance is what the rotational gradient
+    /// predicts. `None` where no record is valid.
+    pub fn lookup(
+        &self,
+        at: &SurfacePoint,
+        limit: u32,
+        lobe: &mut LobeCoefficients,
+    ) -> Option<RadianceAnswer> {
         let index: &Index = self.cache.level(self.maker.level)?.index();
-        let (mut glossy, mut irradiance, mut weights, mut errors, mut count) = (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
+        let (mut glossy, mut irradiance, mut weights, mut errors, mut count) =
+            (Color::ZERO, Color::ZERO, 0.0, 0.0, 0);
         self.maker.prepare(at, lobe);
         index.visit(at, limit, |valid| {
             let record = &self.records[valid.id as usize];
@@ -268,14 +333,16 @@ impl RadianceCache {
         self.maker.scheme.radiance_hits
     }
 
-    /// As [`RadianceCache::lookup`], from the hits that the records keep: `reflect(hit, direction, solid angle)` is what the surface at `at` makes of one of them, as it sees it.
+    /// As [`RadianceCache::lookup`], from the hits that the records keep: `reflect(hit, direction,
+    /// solid angle)` is what the surface at `at` makes of one of them, as it sees it.
     pub fn lookup_hits(
         &self,
         at: &SurfacePoint,
         limit: u32,
         mut reflect: impl FnMut(&StoredHit, Vec3, f32) -> Color,
     ) -> Option<RadianceAnswer> {
-        let mut sum = RadianceAnswer { glossy: Color::ZERO, irradiance: Color::ZERO, error: 0.0, records: 0 };
+        let mut sum =
+            RadianceAnswer { glossy: Color::ZERO, irradiance: Color::ZERO, error: 0.0, records: 0 };
         let mut weights = 0.0;
         self.cache.level(self.maker.level)?.index().visit(at, limit, |valid| {
             for hit in &self.records[valid.id as usize].hits {
@@ -300,13 +367,15 @@ impl RadianceCache {
 
 /// Bands of what is kept of the uncertainty of light.
 const UNCERTAINTY_BANDS: usize = 6;
-/// The uncertainty of the light that a lobe sees is at least this share of its mean over the hemisphere: few bands of it may dip below zero.
+/// The uncertainty of the light that a lobe sees is at least this share of its mean over the
+/// hemisphere: few bands of it may dip below zero.
 const LEAST_UNCERTAINTY: f32 = 0.1;
 /// Bands beyond those of a lobe that its tilted image has a noticeable share in.
 const SPILL: usize = 2;
 
 impl LobeCoefficients {
-    /// Rotates all runs, and `cosine` as a fourth, by `rotate`; `spill` is the number of bands by which the order may grow. The runs are no longer than that order needs.
+    /// Rotates all runs, and `cosine` as a fourth, by `rotate`; `spill` is the number of bands by
+    /// which the order may grow. The runs are no longer than that order needs.
     fn rotate(&mut self, cosine: &[f32], spill: usize, rotate: impl Fn(&mut [f32])) {
         let count = (self.order + spill).pow(2).min(cosine.len());
         self.rotated.clear();
@@ -316,9 +385,14 @@ impl LobeCoefficients {
         self.rotated.chunks_exact_mut(count).for_each(rotate);
     }
 
-    /// The runs of the lobe as it is used with a record: in the frame of the point, or in that of the record if it was turned.
+    /// The runs of the lobe as it is used with a record: in the frame of the point, or in that of
+    /// the record if it was turned.
     fn used(&self, turned: bool) -> [&[f32]; 3] {
-        if turned { self.rotated().0 } else { runs(&self.values).map(|run| &run[..run.len().min(self.order * self.order)]) }
+        if turned {
+            self.rotated().0
+        } else {
+            runs(&self.values).map(|run| &run[..run.len().min(self.order * self.order)])
+        }
     }
 
     /// The rotated runs of the lobe, and that of the cosine.
@@ -329,7 +403,8 @@ impl LobeCoefficients {
 }
 
 impl Radiance {
-    /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`, by no more vectors than `most`.
+    /// The product, channel by channel, of the coefficients extrapolated by `offset` with `c`, by
+    /// no more vectors than `most`.
     fn product(&self, offset: Vec3, c: [&[f32]; 3], most: usize) -> Color {
         self.payload.product(Vec2::new(offset.dot(self.frame.s), offset.dot(self.frame.t)), c, most)
     }
@@ -341,7 +416,8 @@ impl Radiance {
 }
 
 impl Making<'_> {
-    /// What a record of `order` bands at `at` holds of the gather `samples`; `record`, made of the same, is given its area.
+    /// What a record of `order` bands at `at` holds of the gather `samples`; `record`, made of the
+    /// same, is given its area.
     pub fn make(
         &self,
         samples: &HemisphereSamples,
@@ -357,18 +433,24 @@ impl Making<'_> {
         let derivatives = match scheme.radiance_gradient {
             RadianceGradient::None => RadianceDerivatives::default(),
             RadianceGradient::Triangulated => {
-                let hessians = scheme.extrapolation == Extrapolation::Second || scheme.radiance_metric == RadianceMetric::Second;
+                let hessians = scheme.extrapolation == Extrapolation::Second
+                    || scheme.radiance_metric == RadianceMetric::Second;
                 samples.radiance_derivatives(&Sh::new(order), scheme.triangle_radiance, hessians)
             }
-            kind => RadianceDerivatives { gradient: samples.radiance_gradient(basis, kind), ..RadianceDerivatives::default() },
+            kind => RadianceDerivatives {
+                gradient: samples.radiance_gradient(basis, kind),
+                ..RadianceDerivatives::default()
+            },
         };
-        let response = Response { value, gradient: derivatives.gradient, hessian: derivatives.hessian };
-        let surroundings = (scheme.radiance_metric != RadianceMetric::Irradiance).then(|| Surroundings::new(samples, &response));
+        let response =
+            Response { value, gradient: derivatives.gradient, hessian: derivatives.hessian };
+        let surroundings = (scheme.radiance_metric != RadianceMetric::Irradiance)
+            .then(|| Surroundings::new(samples, &response));
         match &surroundings {
             Some(s) => self.reshape(record, response.clone(), s, samples.frame(), at, reach),
-            None if scheme.gradient_clamp => {
-                record.shorten(response.length() / if scheme.metric.is_distance() { 1.0 } else { reach.scale() })
-            }
+            None if scheme.gradient_clamp => record.shorten(
+                response.length() / if scheme.metric.is_distance() { 1.0 } else { reach.scale() },
+            ),
             None => {}
         }
         let hits = match scheme.radiance_hits {
@@ -377,13 +459,22 @@ impl Making<'_> {
         };
         let mut uncertainty = Vec::new();
         if scheme.refinement != Refinement::None {
-            uncertainty = samples.uncertainty(maker.bases[order.min(UNCERTAINTY_BANDS) - 1].as_ref());
+            uncertainty =
+                samples.uncertainty(maker.bases[order.min(UNCERTAINTY_BANDS) - 1].as_ref());
             if maker.is_in_world() {
                 maker.rotation().rotate(&mut uncertainty, Turn::between(samples.frame(), &WORLD));
             }
         }
         let payload = maker.pack(response, samples.frame());
-        Radiance { frame: *samples.frame(), order, payload, wo: at.wo, surroundings, hits, uncertainty }
+        Radiance {
+            frame: *samples.frame(),
+            order,
+            payload,
+            wo: at.wo,
+            surroundings,
+            hits,
+            uncertainty,
+        }
     }
 
     /// Gives `record` the area that follows from what it holds, seen from its `wo`.
@@ -391,7 +482,12 @@ impl Making<'_> {
         let Some(surroundings) = &radiance.surroundings else { return };
         let response = self.maker.unpack(radiance);
         let plain = SurfacePoint::plain(record.position, record.normal);
-        let at = SurfacePoint { frame: radiance.frame, wo: radiance.wo, footprint: record.footprint, ..plain };
+        let at = SurfacePoint {
+            frame: radiance.frame,
+            wo: radiance.wo,
+            footprint: record.footprint,
+            ..plain
+        };
         self.reshape(record, response, surroundings, &radiance.frame, &at, reach);
     }
 
@@ -406,7 +502,14 @@ impl Making<'_> {
     ) {
         let scheme = &self.maker.scheme;
         let response = incident.placed(scheme.radiance_placement, self.reflector, at);
-        record.reshape(shape(scheme, &response, surroundings, frame, self.maker.scene_size, reach.scale()));
+        record.reshape(shape(
+            scheme,
+            &response,
+            surroundings,
+            frame,
+            self.maker.scene_size,
+            reach.scale(),
+        ));
     }
 }
 
@@ -433,8 +536,10 @@ impl Maker {
     fn pack(&self, response: Response, frame: &Frame) -> Payload {
         let again = self.scheme.radiance_placement == RadiancePlacement::View;
         let most = if again { 6 } else { self.vectors_used() };
-        let vectors = [vec![response.value], response.gradient.into(), response.hessian.into()].concat();
-        let mut vectors: Vec<Coefficients> = vectors.into_iter().filter(|v| !v.is_empty()).take(most).collect();
+        let vectors =
+            [vec![response.value], response.gradient.into(), response.hessian.into()].concat();
+        let mut vectors: Vec<Coefficients> =
+            vectors.into_iter().filter(|v| !v.is_empty()).take(most).collect();
         if self.is_in_world() {
             self.turn(&mut vectors, Turn::between(frame, &WORLD));
         }
@@ -462,12 +567,16 @@ impl Maker {
     /// Makes a lobe ready for the records around `at`, if those are all kept in the world's frame.
     pub fn prepare(&self, at: &SurfacePoint, lobe: &mut LobeCoefficients) {
         if self.is_in_world() {
-            lobe.rotate(&self.cosine, 0, |c| self.rotation().rotate(c, Turn::between(&at.frame, &WORLD)));
+            lobe.rotate(&self.cosine, 0, |c| {
+                self.rotation().rotate(c, Turn::between(&at.frame, &WORLD))
+            });
         }
     }
 
-    /// Radiance that leaves `at` by `lobe`, which is prepared, if `record` alone is asked: `max(0, c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y))`. `offset` leads from the record to the point and is
-    /// what the gradient is multiplied with; `irradiance` is what the record's irradiance predicts at the point.
+    /// Radiance that leaves `at` by `lobe`, which is prepared, if `record` alone is asked: `max(0,
+    /// c · R_i (Λ_i + dx ∂Λ_i/∂x + dy ∂Λ_i/∂y))`. `offset` leads from the record to the point and
+    /// is what the gradient is multiplied with; `irradiance` is what the record's irradiance
+    /// predicts at the point.
     pub fn leaving(
         &self,
         record: &Radiance,
@@ -501,12 +610,20 @@ impl Maker {
         if record.frame.n.dot(at.frame.n) > SAME && record.frame.s.dot(at.frame.s) > SAME {
             return false;
         }
-        let (turn, spill) = (Turn::between(&at.frame, &record.frame), if self.is_spherical() { 0 } else { SPILL });
+        let (turn, spill) =
+            (Turn::between(&at.frame, &record.frame), if self.is_spherical() { 0 } else { SPILL });
         lobe.rotate(&self.cosine, spill, |c| self.rotation().rotate(c, turn));
         true
     }
 
-    fn reflect(&self, record: &Radiance, offset: Vec3, irradiance: Color, lobe: &LobeCoefficients, turned: bool) -> Color {
+    fn reflect(
+        &self,
+        record: &Radiance,
+        offset: Vec3,
+        irradiance: Color,
+        lobe: &LobeCoefficients,
+        turned: bool,
+    ) -> Color {
         let most = self.vectors_used();
         let mut radiance = record.product(offset, lobe.used(turned), most);
         if turned && !self.is_spherical() {
@@ -517,13 +634,15 @@ impl Maker {
         radiance.max(Color::ZERO)
     }
 
-    /// Standard error of the luminance of the light that `lobe` makes of the samples of `record`: `sqrt(|c|² v)`, v being the uncertainty averaged over the lobe.
+    /// Standard error of the luminance of the light that `lobe` makes of the samples of `record`:
+    /// `sqrt(|c|² v)`, v being the uncertainty averaged over the lobe.
     fn sigma(&self, record: &Radiance, lobe: &LobeCoefficients, turned: bool) -> f32 {
         let [r, g, b] = lobe.used(turned);
         let of = |i: usize| luminance(Color::new(r[i], g[i], b[i]));
         let norm: f32 = (0..r.len()).map(|i| of(i).powi(2)).sum();
         let seen: f32 = record.uncertainty.iter().zip(0..r.len()).map(|(v, i)| v * of(i)).sum();
-        // Integrals over the hemisphere are those of the constant function, the first of the basis, which spherical harmonics have on the whole sphere.
+        // Integrals over the hemisphere are those of the constant function, the first of the basis,
+        // which spherical harmonics have on the whole sphere.
         let constant = if self.is_spherical() { (2.0 * TAU).sqrt() } else { TAU.sqrt() };
         let mean = record.uncertainty.first().map_or(0.0, |v| v * constant / TAU);
         let weight = of(0) * constant;
@@ -557,7 +676,9 @@ fn cosine(basis: &dyn Basis) -> Vec<f32> {
     for nodes in gauss_legendre(4 * LANES, 0.0, 1.0).chunks_exact(LANES) {
         zonal_factors(basis, &std::array::from_fn(|k| nodes[k].0 as f32), &mut zonal);
         for l in 0..basis.order() {
-            c[index(l, 0)] += (0..LANES).map(|k| TAU * (nodes[k].0 * nodes[k].1) as f32 * zonal[triangle(l, 0)][k]).sum::<f32>();
+            c[index(l, 0)] += (0..LANES)
+                .map(|k| TAU * (nodes[k].0 * nodes[k].1) as f32 * zonal[triangle(l, 0)][k])
+                .sum::<f32>();
         }
     }
     c

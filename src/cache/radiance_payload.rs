@@ -1,4 +1,5 @@
-//! The numbers of a radiance record: coefficients of incident radiance and their derivatives, in single or half precision.
+//! The numbers of a radiance record: coefficients of incident radiance and their derivatives, in
+//! single or half precision.
 
 use super::record::SECOND_ORDER;
 use crate::basis::Lane;
@@ -14,11 +15,13 @@ use serde::{Deserialize, Serialize};
 pub enum Storage {
     /// 32 bits each.
     F32,
-    /// 16 bits each, with a scale for each vector: an error of 0.05 % of each number, or of 6e-8 of the largest of its vector.
+    /// 16 bits each, with a scale for each vector: an error of 0.05 % of each number, or of 6e-8 of
+    /// the largest of its vector.
     F16,
 }
 
-/// Whether records keep the hits of their gathers, for comparison: 40 bytes for each ray, and every lookup reflects them one by one.
+/// Whether records keep the hits of their gathers, for comparison: 40 bytes for each ray, and every
+/// lookup reflects them one by one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HitStorage {
@@ -45,8 +48,12 @@ impl Vector {
         match storage {
             Storage::F32 => Self::Single(values),
             Storage::F16 => {
-                let scale = values.iter().fold(0.0_f32, |most, v| most.max(v.abs())).max(f32::MIN_POSITIVE);
-                Self::Half { scale, values: values.iter().map(|v| f16::from_f32(v / scale)).collect() }
+                let scale =
+                    values.iter().fold(0.0_f32, |most, v| most.max(v.abs())).max(f32::MIN_POSITIVE);
+                Self::Half {
+                    scale,
+                    values: values.iter().map(|v| f16::from_f32(v / scale)).collect(),
+                }
             }
         }
     }
@@ -79,7 +86,8 @@ impl Vector {
     }
 }
 
-/// The coefficients of a record; then, if it has them, their derivatives along both tangents; then the second ones, twice along the first tangent, along both, twice along the second.
+/// The coefficients of a record; then, if it has them, their derivatives along both tangents; then
+/// the second ones, twice along the first tangent, along both, twice along the second.
 #[derive(Clone)]
 pub(super) struct Payload {
     /// Number of coefficients of one channel.
@@ -94,8 +102,10 @@ impl Payload {
         Self { count, vectors: vectors.into_iter().map(|v| Vector::new(v, storage)).collect() }
     }
 
-    /// The product, channel by channel, of `c` with the coefficients continued by `offset` along the tangents, by no more vectors than `most`: 1 for their value, 3 for first order, 6 for second. The second-order change is no
-    /// larger than the first-order one and a quarter of the value together, see [`super::Curve`].
+    /// The product, channel by channel, of `c` with the coefficients continued by `offset` along
+    /// the tangents, by no more vectors than `most`: 1 for their value, 3 for first order, 6 for
+    /// second. The second-order change is no larger than the first-order one and a quarter of
+    /// the value together, see [`super::Curve`].
     pub fn product(&self, offset: Vec2, c: [&[f32]; 3], most: usize) -> Color {
         let used = self.count.min(c[0].len());
         let vectors = &self.vectors[..self.vectors.len().min(most)];
@@ -111,8 +121,9 @@ impl Payload {
             };
             let first = offset.x * s + offset.y * t;
             let [ss, st, tt] = rest else { return value + first };
-            let second =
-                0.5 * offset.x * offset.x * term(ss) + offset.x * offset.y * term(st) + 0.5 * offset.y * offset.y * term(tt);
+            let second = 0.5 * offset.x * offset.x * term(ss)
+                + offset.x * offset.y * term(st)
+                + 0.5 * offset.y * offset.y * term(tt);
             let limit = first.abs() + SECOND_ORDER * value.abs();
             value + first + second.clamp(-limit, limit)
         };
@@ -138,9 +149,11 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.total(a, b)
 }
 
-/// The products of `a` with three vectors that are as long, in one pass whose sums do not wait for each other.
+/// The products of `a` with three vectors that are as long, in one pass whose sums do not wait for
+/// each other.
 pub(super) fn dots(a: &[f32], [x, y, z]: [&[f32]; 3]) -> [f32; 3] {
-    let ((a8, a), (x8, x), (y8, y), (z8, z)) = (a.as_chunks(), x.as_chunks(), y.as_chunks(), z.as_chunks());
+    let ((a8, a), (x8, x), (y8, y), (z8, z)) =
+        (a.as_chunks(), x.as_chunks(), y.as_chunks(), z.as_chunks());
     let [mut with_x, mut with_y, mut with_z] = [Sums::default(); 3];
     for (((a, x), y), z) in a8.iter().zip(x8).zip(y8).zip(z8) {
         let a = lanes(a);
@@ -151,7 +164,8 @@ pub(super) fn dots(a: &[f32], [x, y, z]: [&[f32]; 3]) -> [f32; 3] {
     [with_x.total(a, x), with_y.total(a, y), with_z.total(a, z)]
 }
 
-/// Eight sums. Registers by name: left to itself the compiler packs the three vectors together instead of the lanes of each.
+/// Eight sums. Registers by name: left to itself the compiler packs the three vectors together
+/// instead of the lanes of each.
 #[derive(Clone, Copy, Default)]
 struct Sums([Vec4; 2]);
 
@@ -190,12 +204,14 @@ mod tests {
     #[test]
     fn half_precision_keeps_three_digits_of_any_magnitude() {
         for scale in [1e-6, 1.0, 1e7] {
-            let [single, half] = [Storage::F32, Storage::F16].map(|storage| Payload::new(vectors(scale), storage));
+            let [single, half] =
+                [Storage::F32, Storage::F16].map(|storage| Payload::new(vectors(scale), storage));
             assert_eq!(single.bytes(), 6 * 27 * 4);
             assert_eq!(half.bytes(), single.bytes() / 2);
             let c = [1.0; 9];
             for most in [1, 3, 6] {
-                let [a, b] = [&single, &half].map(|p| p.product(Vec2::new(0.3, -0.2), [&c; 3], most));
+                let [a, b] =
+                    [&single, &half].map(|p| p.product(Vec2::new(0.3, -0.2), [&c; 3], most));
                 assert!((a - b).length() < 4e-3 * scale, "{a} {b}");
             }
             for (a, b) in single.to_single().concat().iter().zip(half.to_single().concat()) {
@@ -217,11 +233,17 @@ mod tests {
         for k in 0..3 {
             assert_eq!(zeroth[k], at(0, k));
             assert!((first[k] - zeroth[k] - x.x * at(1, k) - x.y * at(2, k)).abs() < 1e-6);
-            let bend = 0.5 * (x.x * x.x * at(3, k) + 2.0 * x.x * x.y * at(4, k) + x.y * x.y * at(5, k));
+            let bend =
+                0.5 * (x.x * x.x * at(3, k) + 2.0 * x.x * x.y * at(4, k) + x.y * x.y * at(5, k));
             assert!((second[k] - first[k] - bend).abs() < 1e-6);
         }
         let far = Vec2::splat(1e3);
         let [zeroth, first, second] = [1, 3, 6].map(|most| payload.product(far, [&c; 3], most));
-        assert!((second - first).abs().cmple((first - zeroth).abs() * 1.0001 + 0.25 * zeroth.abs()).all());
+        assert!(
+            (second - first)
+                .abs()
+                .cmple((first - zeroth).abs() * 1.0001 + 0.25 * zeroth.abs())
+                .all()
+        );
     }
 }

@@ -1,11 +1,16 @@
-//! How far a radiance record's extrapolation can be trusted, from the derivatives of its coefficients or of what a surface makes of them.
+//! How far a radiance record's extrapolation can be trusted, from the derivatives of its
+//! coefficients or of what a surface makes of them.
 //!
-//! The error of a vector of coefficients bounds the error of the light that any lobe makes of it [Zhao, Eq. 3.21]. To first order it is `|J x|`, J being the matrix of the gradients; to second order `½ sqrt(Σ_i (xᵀ H_i x)²)`, which
-//! the thesis bounds by the eigenvalues of `Σ_i |H_i|`. Its |H_i| must be the spectral absolute value; taken element by element it would depend on the tangents. All errors are relative: to the norm of
-//! the same vector, or to one percent of that of incident radiance where a surface reflects less.
+//! The error of a vector of coefficients bounds the error of the light that any lobe makes of it
+//! [Zhao, Eq. 3.21]. To first order it is `|J x|`, J being the matrix of the gradients; to second
+//! order `½ sqrt(Σ_i (xᵀ H_i x)²)`, which the thesis bounds by the eigenvalues of `Σ_i |H_i|`. Its
+//! |H_i| must be the spectral absolute value; taken element by element it would depend on the
+//! tangents. All errors are relative: to the norm of the same vector, or to one percent of that of
+//! incident radiance where a surface reflects less.
 //!
-//! The vector is that of *incident* radiance, which does not know surfaces; of *outgoing* radiance `O = M Λ`, so that the same error means larger areas on surfaces that blur more; or the one number `c(wo)·Λ`, the
-//! radiance that leaves towards the viewer.
+//! The vector is that of *incident* radiance, which does not know surfaces; of *outgoing* radiance
+//! `O = M Λ`, so that the same error means larger areas on surfaces that blur more; or the one
+//! number `c(wo)·Λ`, the radiance that leaves towards the viewer.
 
 use super::footprint::Footprint;
 use super::metric::{Curvature, FLOOR, absolute, eigen};
@@ -41,12 +46,15 @@ pub enum RadiancePlacement {
     View,
 }
 
-/// How surfaces reflect, in the basis of the radiance records. Both answers are in the frame of the point, whose position, normal and `wo` count; of what material it is, is looked up.
+/// How surfaces reflect, in the basis of the radiance records. Both answers are in the frame of the
+/// point, whose position, normal and `wo` count; of what material it is, is looked up.
 pub trait Reflector: Sync {
-    /// Coefficients of all lobes times the cosine towards `at.wo`, three runs. `None` if there is no surface.
+    /// Coefficients of all lobes times the cosine towards `at.wo`, three runs. `None` if there is
+    /// no surface.
     fn lobe(&self, at: &SurfacePoint) -> Option<Coefficients>;
 
-    /// The matrix that makes coefficients of outgoing radiance of those of incident radiance. `None` if there is no surface.
+    /// The matrix that makes coefficients of outgoing radiance of those of incident radiance.
+    /// `None` if there is no surface.
     fn matrix(&self, at: &SurfacePoint) -> Option<BrdfMatrix>;
 }
 
@@ -60,9 +68,16 @@ pub(super) struct Response {
 
 impl Response {
     /// What `placement` takes the error of, `self` being incident radiance at `at`.
-    pub fn placed(self, placement: RadiancePlacement, reflector: Option<&dyn Reflector>, at: &SurfacePoint) -> Self {
+    pub fn placed(
+        self,
+        placement: RadiancePlacement,
+        reflector: Option<&dyn Reflector>,
+        at: &SurfacePoint,
+    ) -> Self {
         let reflected = match (placement, reflector) {
-            (RadiancePlacement::Outgoing, Some(r)) => r.matrix(at).map(|m| self.map(|v| m.apply(v))),
+            (RadiancePlacement::Outgoing, Some(r)) => {
+                r.matrix(at).map(|m| self.map(|v| m.apply(v)))
+            }
             (RadiancePlacement::View, Some(r)) => r.lobe(at).map(|c| self.map(|v| products(&c, v))),
             _ => None,
         };
@@ -71,7 +86,11 @@ impl Response {
 
     fn map(&self, f: impl Fn(&[f32]) -> Coefficients) -> Self {
         let each = |v: &Coefficients| if v.is_empty() { Vec::new() } else { f(v) };
-        Self { value: f(&self.value), gradient: self.gradient.each_ref().map(each), hessian: self.hessian.each_ref().map(each) }
+        Self {
+            value: f(&self.value),
+            gradient: self.gradient.each_ref().map(each),
+            hessian: self.hessian.each_ref().map(each),
+        }
     }
 
     /// Calls `visit(colour of coefficient i)` for every i of one of the vectors.
@@ -85,9 +104,11 @@ impl Response {
         Self::colors(&self.value).map(|c| f64::from(luminance(c * c))).sum::<f64>().sqrt()
     }
 
-    /// The distance over which the gradient changes the coefficients by as much as they are, `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
+    /// The distance over which the gradient changes the coefficients by as much as they are,
+    /// `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
     pub fn length(&self) -> f32 {
-        let [value, s, t] = [&self.value, &self.gradient[0], &self.gradient[1]].map(|c| super::radiance_payload::dot(c, c));
+        let [value, s, t] = [&self.value, &self.gradient[0], &self.gradient[1]]
+            .map(|c| super::radiance_payload::dot(c, c));
         if s + t > 0.0 { (value / (s + t)).sqrt() } else { f32::INFINITY }
     }
 
@@ -120,7 +141,8 @@ fn products(a: &[f32], b: &[f32]) -> Coefficients {
     (0..3).map(|c| super::radiance_payload::dot(&run(a, c), &run(b, c))).collect()
 }
 
-/// What bounds areas where light itself says nothing: the curvature and the slope that the surroundings could cause, as a share of what they shine.
+/// What bounds areas where light itself says nothing: the curvature and the slope that the
+/// surroundings could cause, as a share of what they shine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Surroundings {
     curvature: DMat2,
@@ -134,11 +156,16 @@ impl Surroundings {
     pub fn new(samples: &HemisphereSamples, incident: &Response) -> Self {
         let incident = incident.norm();
         let share = if incident > 0.0 { FLOOR } else { 1.0 } / f64::from(PI);
-        Self { curvature: share * samples.geometric_curvature(), slope: share * f64::from(samples.geometric_slope()), incident }
+        Self {
+            curvature: share * samples.geometric_curvature(),
+            slope: share * f64::from(samples.geometric_slope()),
+            incident,
+        }
     }
 }
 
-/// The lengths R_i of a record: its radii where the allowed error is 1. `scale` is what takes lengths to radii, for the bound on the gradient.
+/// The lengths R_i of a record: its radii where the allowed error is 1. `scale` is what takes
+/// lengths to radii, for the bound on the gradient.
 pub(super) fn shape(
     scheme: &Scheme,
     response: &Response,
@@ -172,8 +199,9 @@ pub(super) fn shape(
     })
 }
 
-/// Areas over which `|J x|`, relative, is as large as it may be: along the axes `R_i = t/sqrt(g_i)` with the eigenvalues g of JᵀJ, and `∫ |J x| = (2π/3) t³/sqrt(g_1 g_2)`. The thesis prints `π R² |∇Λ|` for a disc [Zhao, Eq. 3.25],
-/// which has another dimension.
+/// Areas over which `|J x|`, relative, is as large as it may be: along the axes `R_i = t/sqrt(g_i)`
+/// with the eigenvalues g of JᵀJ, and `∫ |J x| = (2π/3) t³/sqrt(g_1 g_2)`. The thesis prints `π R²
+/// |∇Λ|` for a disc [Zhao, Eq. 3.25], which has another dimension.
 fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
     let disc = |slope: f64| match c.scheme.error_measure {
         ErrorMeasure::Average => 1.5 / slope,
@@ -181,7 +209,9 @@ fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
     };
     match c.scheme.footprint {
         FootprintKind::Sectors => c.axes(|u| u.dot(slopes * u).max(0.0).sqrt() + floor, disc),
-        FootprintKind::Disc => Footprint::Disc { r: disc((slopes.x_axis.x + slopes.y_axis.y).sqrt() + floor) as f32 },
+        FootprintKind::Disc => {
+            Footprint::Disc { r: disc((slopes.x_axis.x + slopes.y_axis.y).sqrt() + floor) as f32 }
+        }
         FootprintKind::Ellipse | FootprintKind::OptimalEllipse => {
             let ([large, small], axis) = eigen(slopes);
             let [large, small] = [large, small].map(|g| g.max(0.0).sqrt() + floor);
@@ -190,15 +220,22 @@ fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
                 ErrorMeasure::Total => (3.0 * c.size * c.size * large * small / TAU).cbrt(),
             };
             let short = t / large;
-            c.outline(axis, [short as f32, (t / small).min(f64::from(c.scheme.max_aspect) * short) as f32])
+            c.outline(
+                axis,
+                [short as f32, (t / small).min(f64::from(c.scheme.max_aspect) * short) as f32],
+            )
         }
     }
 }
 
-/// Areas over which the second-order error, relative, is as large as it may be: ellipses from the sum of the spectral absolute values, sectors from the quartic form of each direction.
+/// Areas over which the second-order error, relative, is as large as it may be: ellipses from the
+/// sum of the spectral absolute values, sectors from the quartic form of each direction.
 fn second_order(c: &Curvature, response: &Response, inverse: f64, floor: DMat2) -> Footprint {
     if c.scheme.footprint != FootprintKind::Sectors {
-        let sum = response.hessians().map(|(weight, h)| weight * absolute(h)).fold(DMat2::ZERO, |a, b| a + b);
+        let sum = response
+            .hessians()
+            .map(|(weight, h)| weight * absolute(h))
+            .fold(DMat2::ZERO, |a, b| a + b);
         return c.ellipse(inverse * sum + floor);
     }
     let quartic = Quartic::new(response);
@@ -213,7 +250,13 @@ impl Quartic {
         let mut q = [0.0; 5];
         for (weight, h) in response.hessians() {
             let (a, b, c) = (h.x_axis.x, h.x_axis.y, h.y_axis.y);
-            for (sum, term) in q.iter_mut().zip([a * a, 4.0 * a * b, 2.0 * a * c + 4.0 * b * b, 4.0 * b * c, c * c]) {
+            for (sum, term) in q.iter_mut().zip([
+                a * a,
+                4.0 * a * b,
+                2.0 * a * c + 4.0 * b * b,
+                4.0 * b * c,
+                c * c,
+            ]) {
                 *sum += weight * term;
             }
         }
@@ -237,8 +280,10 @@ mod tests {
 
     fn response(seed: u64, turn: f32) -> Response {
         let mut rng = Rng::new(seed);
-        let mut vector = || -> Coefficients { (0..48).map(|_| 2.0 * rng.next_f32() - 1.0).collect() };
-        let (value, s, t, ss, st, tt) = (vector(), vector(), vector(), vector(), vector(), vector());
+        let mut vector =
+            || -> Coefficients { (0..48).map(|_| 2.0 * rng.next_f32() - 1.0).collect() };
+        let (value, s, t, ss, st, tt) =
+            (vector(), vector(), vector(), vector(), vector(), vector());
         // The same field with the tangents turned by `turn`.
         let (sin, cos) = turn.sin_cos();
         let mix = |parts: [(f32, &Coefficients); 3]| -> Coefficients {
@@ -254,7 +299,11 @@ mod tests {
         Response { value, gradient, hessian }
     }
 
-    fn scheme(metric: RadianceMetric, footprint: FootprintKind, error_measure: ErrorMeasure) -> Scheme {
+    fn scheme(
+        metric: RadianceMetric,
+        footprint: FootprintKind,
+        error_measure: ErrorMeasure,
+    ) -> Scheme {
         Scheme {
             radiance_metric: metric,
             footprint,
@@ -265,7 +314,8 @@ mod tests {
         }
     }
 
-    const NOTHING: Surroundings = Surroundings { curvature: DMat2::ZERO, slope: 0.0, incident: 0.0 };
+    const NOTHING: Surroundings =
+        Surroundings { curvature: DMat2::ZERO, slope: 0.0, incident: 0.0 };
 
     /// `|error|` at x, relative, of first or second order.
     fn error(r: &Response, metric: RadianceMetric, x: DVec2) -> f64 {
@@ -290,7 +340,9 @@ mod tests {
         for seed in 0..4 {
             let r = response(seed, 0.0);
             for metric in [RadianceMetric::First, RadianceMetric::Second] {
-                for footprint in [FootprintKind::Disc, FootprintKind::OptimalEllipse, FootprintKind::Sectors] {
+                for footprint in
+                    [FootprintKind::Disc, FootprintKind::OptimalEllipse, FootprintKind::Sectors]
+                {
                     for measure in [ErrorMeasure::Average, ErrorMeasure::Total] {
                         let scheme = scheme(metric, footprint, measure);
                         let area = shape(&scheme, &r, &NOTHING, &frame, size as f32, 1.0);
@@ -298,8 +350,10 @@ mod tests {
                         let (mut total, mut whole) = (0.0, 0.0);
                         let n = 200;
                         for k in 0..n * n {
-                            let (s, phi) =
-                                ((f64::from(k / n) + 0.5) / f64::from(n), TAU * (f64::from(k % n) + 0.5) / f64::from(n));
+                            let (s, phi) = (
+                                (f64::from(k / n) + 0.5) / f64::from(n),
+                                TAU * (f64::from(k % n) + 0.5) / f64::from(n),
+                            );
                             let flat = DVec2::from_angle(phi);
                             let extent = f64::from(area.boundary(flat.as_vec2()));
                             let world = axis * flat.x as f32 + other * flat.y as f32;
@@ -308,9 +362,17 @@ mod tests {
                             total += cell * error(&r, metric, x);
                             whole += cell;
                         }
-                        let got = if measure == ErrorMeasure::Average { total / whole } else { total / (size * size) };
-                        // Norms of sums are below sums of norms, and sectors take the worst of their range; by how much depends on the vectors.
-                        assert!(got < 1.001 && got > 0.1, "{metric:?} {footprint:?} {measure:?}: {got}");
+                        let got = if measure == ErrorMeasure::Average {
+                            total / whole
+                        } else {
+                            total / (size * size)
+                        };
+                        // Norms of sums are below sums of norms, and sectors take the worst of
+                        // their range; by how much depends on the vectors.
+                        assert!(
+                            got < 1.001 && got > 0.1,
+                            "{metric:?} {footprint:?} {measure:?}: {got}"
+                        );
                     }
                 }
             }
@@ -324,7 +386,8 @@ mod tests {
             (RadianceMetric::Second, FootprintKind::Ellipse),
             (RadianceMetric::Second, FootprintKind::Disc),
         ] {
-            let scheme = Scheme { gradient_clamp: true, ..scheme(metric, footprint, ErrorMeasure::Total) };
+            let scheme =
+                Scheme { gradient_clamp: true, ..scheme(metric, footprint, ErrorMeasure::Total) };
             let turn = 0.6_f32;
             let straight = Frame::from_normal(Vec3::Z);
             let turned = Frame {
@@ -346,7 +409,10 @@ mod tests {
         let quartic = Quartic::new(&r);
         for k in 0..10 {
             let u = DVec2::from_angle(0.3 * f64::from(k));
-            assert!((quartic.at(u) - 2.0 * error(&r, RadianceMetric::Second, u) * r.norm()).abs() < 1e-6);
+            assert!(
+                (quartic.at(u) - 2.0 * error(&r, RadianceMetric::Second, u) * r.norm()).abs()
+                    < 1e-6
+            );
         }
     }
 

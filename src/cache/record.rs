@@ -13,7 +13,8 @@ use rayon::prelude::*;
 use std::f32::consts::SQRT_2;
 use std::sync::Arc;
 
-/// The second-order term of an extrapolation is no larger than the first-order one and this share of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
+/// The second-order term of an extrapolation is no larger than the first-order one and this share
+/// of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
 pub(super) const SECOND_ORDER: f32 = 0.25;
 
 /// The second-order part of a record's extrapolation.
@@ -26,7 +27,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// `½ xᵀHx` at the offset x, no larger than the first-order change `first` and a quarter of `irradiance` together, in each channel.
+    /// `½ xᵀHx` at the offset x, no larger than the first-order change `first` and a quarter of
+    /// `irradiance` together, in each channel.
     #[inline]
     pub fn term(&self, offset: Vec3, first: Color, irradiance: Color) -> Color {
         let x = Vec2::new(offset.dot(self.tangents[0]), offset.dot(self.tangents[1]));
@@ -50,17 +52,21 @@ pub struct Record {
     pub translation: Mat3,
     /// How irradiance bends with translation, for schemes that extrapolate to second order.
     pub curve: Option<Curve>,
-    /// How irradiance goes on along eight axes, for schemes that extrapolate by them; with direct light, if the record holds that.
+    /// How irradiance goes on along eight axes, for schemes that extrapolate by them; with direct
+    /// light, if the record holds that.
     pub axes: Option<Arc<Axes>>,
-    /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours and pixels do not touch them.
+    /// The record's lengths R_i as the gather gave them, clamped by its own gradient; neighbours
+    /// and pixels do not touch them.
     pub shape: Footprint,
-    /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are not asked.
+    /// What the neighbours allow each length to be [Krivanek06, Sec. 5.3]; infinite where they are
+    /// not asked.
     pub limit: f32,
     /// R_i: the shortest of `shape`.
     pub length_unclamped: f32,
     /// R_i after neighbour clamping: no more than `limit`.
     pub length: f32,
-    /// a_i, the error up to which the record is used: the scheme's on this level, or less where it was [refined](super::Cache::converge).
+    /// a_i, the error up to which the record is used: the scheme's on this level, or less where it
+    /// was [refined](super::Cache::converge).
     pub error: f32,
     /// Diameter of a pixel at the record, world units.
     pub footprint: f32,
@@ -71,7 +77,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a gather at `at`, used as far as `reach` says. It holds direct light, too, if `direct` says what there is.
+    /// The record of a gather at `at`, used as far as `reach` says. It holds direct light, too, if
+    /// `direct` says what there is.
     pub fn new(
         scheme: &Scheme,
         reach: &Reach,
@@ -80,7 +87,11 @@ impl Record {
         direct: Option<&DirectSamples>,
     ) -> Self {
         let irradiance = samples.irradiance();
-        let rotation = if scheme.rotational_gradient { samples.rotational_gradient().to_world(&at.frame) } else { Mat3::ZERO };
+        let rotation = if scheme.rotational_gradient {
+            samples.rotational_gradient().to_world(&at.frame)
+        } else {
+            Mat3::ZERO
+        };
         let derivatives = metric::derivatives(scheme, samples);
         let gradient = derivatives.gradient;
         let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, reach.scene_size);
@@ -89,7 +100,8 @@ impl Record {
             shape = shape.map(|r| r.min(nearest));
         }
         if scheme.gradient_clamp {
-            // Luminance, not the smallest channel: a channel that is nearly black would shrink every record beside a coloured wall.
+            // Luminance, not the smallest channel: a channel that is nearly black would shrink
+            // every record beside a coloured wall.
             let slope = [luminance(gradient.s), luminance(gradient.t)];
             let value = luminance(irradiance);
             shape = shape.bounded(at.frame.n, |axis| {
@@ -97,14 +109,16 @@ impl Record {
                     Some(u) => (slope[0] * u.dot(at.frame.s) + slope[1] * u.dot(at.frame.t)).abs(),
                     None => slope[0].hypot(slope[1]),
                 };
-                // The published clamps bound R_i of metrics that are distances, but the radius itself of those that estimate an error.
+                // The published clamps bound R_i of metrics that are distances, but the radius
+                // itself of those that estimate an error.
                 let scale = if scheme.metric.is_distance() { 1.0 } else { reach.scale };
                 if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
         let mut axes = None;
         if scheme.extrapolation == Extrapolation::Axes {
-            let (fitted, fitting) = axes::fit(scheme, reach, at, samples, irradiance, shape, direct);
+            let (fitted, fitting) =
+                axes::fit(scheme, reach, at, samples, irradiance, shape, direct);
             (axes, shape) = (Some(Arc::new(fitted)), fitting);
         }
         let fences = if scheme.fences {
@@ -118,9 +132,15 @@ impl Record {
             normal: at.frame.n,
             irradiance,
             rotation,
-            translation: if scheme.extrapolation == Extrapolation::Zero { Mat3::ZERO } else { gradient.to_world(&at.frame) },
-            curve: (scheme.extrapolation == Extrapolation::Second)
-                .then_some(Curve { tangents: [at.frame.s, at.frame.t], hessian: derivatives.hessian }),
+            translation: if scheme.extrapolation == Extrapolation::Zero {
+                Mat3::ZERO
+            } else {
+                gradient.to_world(&at.frame)
+            },
+            curve: (scheme.extrapolation == Extrapolation::Second).then_some(Curve {
+                tangents: [at.frame.s, at.frame.t],
+                hessian: derivatives.hessian,
+            }),
             axes,
             shape,
             limit: f32::INFINITY,
@@ -135,7 +155,8 @@ impl Record {
 
     /// Bounds every length by what the neighbours allow.
     ///
-    /// For an ellipse or sectors the neighbours are asked for their shortest lengths: R_i along each axis is at most `R_j,min + |x_i - x_j|`.
+    /// For an ellipse or sectors the neighbours are asked for their shortest lengths: R_i along
+    /// each axis is at most `R_j,min + |x_i - x_j|`.
     pub fn clamp(&mut self, limit: f32) {
         self.limit = limit;
         self.length = self.length_unclamped.min(limit);
@@ -153,12 +174,16 @@ impl Record {
         self.reshape(self.shape.map(|r| r.min(most)));
     }
 
-    /// The error of using the record at `at` as a share of the level's allowed error, so that the record is valid below [`Reach::share`]. `None` where it must
-    /// not be used at any distance: it faces away, lies in front of the point and `in_front` says by how much it may not, or fences stand between.
+    /// The error of using the record at `at` as a share of the level's allowed error, so that the
+    /// record is valid below [`Reach::share`]. `None` where it must not be used at any
+    /// distance: it faces away, lies in front of the point and `in_front` says by how much it may
+    /// not, or fences stand between.
     pub fn error_at(&self, reach: &Reach, at: &SurfacePoint, in_front: Option<f32>) -> Option<f32> {
         let (offset, cosine) = (at.position - self.position, at.frame.n.dot(self.normal));
         let d = offset.length();
-        let hidden = in_front.is_some_and(|tolerance| 0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - tolerance);
+        let hidden = in_front.is_some_and(|tolerance| {
+            0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - tolerance
+        });
         if cosine <= reach.least_cosine || hidden || !self.fences.admit(at.position) {
             return None;
         }
@@ -166,11 +191,13 @@ impl Record {
         Some(reach.relative_error(area.share(self.normal, offset), cosine, reach.normal_scale()))
     }
 
-    /// The irradiance at `at` extrapolated from the record alone: `max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i)` [WardHeckbert92].
+    /// The irradiance at `at` extrapolated from the record alone: `max(0, E_i + (n_i × n)·∇_r E_i +
+    /// (x - x_i)·∇_t E_i)` [WardHeckbert92].
     pub fn irradiance_at(&self, reach: &Reach, at: &SurfacePoint) -> Color {
         let (_, slope) = reach.radius(self.length, self.footprint);
         let turned = self.rotation * self.normal.cross(at.frame.n);
-        (self.irradiance + turned + slope * (self.translation * (at.position - self.position))).max(Color::ZERO)
+        (self.irradiance + turned + slope * (self.translation * (at.position - self.position)))
+            .max(Color::ZERO)
     }
 }
 
@@ -207,13 +234,18 @@ impl Reach {
             kernel: scheme.kernel,
             widest_normal: SQRT_2 * (0.5 * scheme.normal_limit).sin(),
             // Other kernels end there by themselves, or a little later once they are smoothed.
-            least_cosine: if scheme.kernel == Kernel::Ward { scheme.normal_limit.cos().max(0.0) } else { 0.0 },
+            least_cosine: if scheme.kernel == Kernel::Ward {
+                scheme.normal_limit.cos().max(0.0)
+            } else {
+                0.0
+            },
             error: scheme.error_at(level),
             scale: scheme.radius_scale(level),
             smallest_error: scheme.error_min,
             smoothing,
             min_pixels: scheme.min_pixels,
-            // Pixels bound records from above for the eye's sake; it does not see the deeper levels.
+            // Pixels bound records from above for the eye's sake; it does not see the deeper
+            // levels.
             max_pixels: if level == 0 { scheme.max_pixels } else { 0.0 },
             max_radius: scheme.max_radius * scene_size,
             scene_size,
@@ -230,14 +262,20 @@ impl Reach {
         self.scale
     }
 
-    /// The radius of validity for a length R_i: where the positional error alone reaches the allowed one. Returns also the factor in (0, 1] by which the
-    /// translational gradient must shrink because a lower limit has raised the radius: over the larger area the linear term must not grow.
+    /// The radius of validity for a length R_i: where the positional error alone reaches the
+    /// allowed one. Returns also the factor in (0, 1] by which the translational gradient must
+    /// shrink because a lower limit has raised the radius: over the larger area the linear term
+    /// must not grow.
     pub fn radius(&self, length: f32, footprint: f32) -> (f32, f32) {
         let wanted = match self.kernel {
             Kernel::Ward | Kernel::Schwarzhaupt | Kernel::Ribardiere => self.scale * length,
             Kernel::Tabellion => 0.5 * length,
         };
-        let upper = if self.max_pixels > 0.0 { self.max_radius.min(self.max_pixels * footprint) } else { self.max_radius };
+        let upper = if self.max_pixels > 0.0 {
+            self.max_radius.min(self.max_pixels * footprint)
+        } else {
+            self.max_radius
+        };
         let lower = (self.min_pixels * footprint).min(upper).max(1e-6 * self.max_radius);
         let clamped = wanted.clamp(lower, upper);
         let scale = if self.kernel == Kernel::Tabellion { self.scale } else { 1.0 };
@@ -251,26 +289,33 @@ impl Reach {
 
     /// The length R_i whose radius, limits aside, is `radius` while the level fills.
     pub(super) fn length_of(&self, radius: f32) -> f32 {
-        if self.kernel == Kernel::Tabellion { 2.0 * radius / self.scale } else { radius / self.scale }
+        if self.kernel == Kernel::Tabellion {
+            2.0 * radius / self.scale
+        } else {
+            radius / self.scale
+        }
     }
 
-    /// The area in which `record` is valid, by its position alone: each length turned into a radius. Returns also the factor for its gradient, see [`Reach::radius`].
+    /// The area in which `record` is valid, by its position alone: each length turned into a
+    /// radius. Returns also the factor for its gradient, see [`Reach::radius`].
     pub fn area(&self, record: &Record) -> (Footprint, f32) {
         let (_, slope) = self.radius(record.length, record.footprint);
         (record.shape.map(|r| self.radius(r.min(record.limit), record.footprint).0), slope)
     }
 
-    /// a_i of `record` as a share of the level's allowed error, in (0, 1]: the radius of validity is this share of [`Reach::radius`].
+    /// a_i of `record` as a share of the level's allowed error, in (0, 1]: the radius of validity
+    /// is this share of [`Reach::radius`].
     #[inline]
     pub fn share(&self, record: &Record) -> f32 {
         record.error / self.error
     }
 
-    /// The smallest a_i to which refinement may take `record`: the scheme's, or the one at which the record is as small as pixels allow. At most the level's allowed
-    /// error.
+    /// The smallest a_i to which refinement may take `record`: the scheme's, or the one at which
+    /// the record is as small as pixels allow. At most the level's allowed error.
     pub fn floor(&self, record: &Record) -> f32 {
         let (radius, _) = self.radius(record.length, record.footprint);
-        let scale = self.smoothing * if self.kernel == Kernel::Tabellion { self.error } else { 1.0 };
+        let scale =
+            self.smoothing * if self.kernel == Kernel::Tabellion { self.error } else { 1.0 };
         let pixels = self.error * (scale * self.min_pixels * record.footprint / radius);
         self.smallest_error.max(pixels).min(self.error)
     }
@@ -280,17 +325,20 @@ impl Reach {
         self.error
     }
 
-    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error, or the root of one.
+    /// What `sqrt(1 - n·n_i)` is multiplied by to be a share of the allowed error, or the root of
+    /// one.
     pub fn normal_scale(&self) -> f32 {
         match self.kernel {
             Kernel::Ward => 1.0 / (self.error * self.smoothing),
             Kernel::Tabellion => 1.0 / (self.widest_normal * self.error * self.smoothing),
-            Kernel::Schwarzhaupt | Kernel::Ribardiere => 1.0 / (self.widest_normal * self.smoothing),
+            Kernel::Schwarzhaupt | Kernel::Ribardiere => {
+                1.0 / (self.widest_normal * self.smoothing)
+            }
         }
     }
 
-    /// The error of a record as a share of the allowed one: `position` is the distance as a share of its area's extent, [`Footprint::share`], `cosine` that
-    /// of the normals.
+    /// The error of a record as a share of the allowed one: `position` is the distance as a share
+    /// of its area's extent, [`Footprint::share`], `cosine` that of the normals.
     #[inline]
     pub fn relative_error(&self, position: f32, cosine: f32, normal_scale: f32) -> f32 {
         let normal = (1.0 - cosine).max(0.0).sqrt() * normal_scale;

@@ -1,12 +1,16 @@
 //! Which schemes there can be.
 
-use super::{Contents, Extrapolation, FootprintKind, Kernel, Metric, RadianceBands, Refinement, Scheme, Strata};
+use super::{
+    Contents, Extrapolation, FootprintKind, Kernel, Metric, RadianceBands, Refinement, Scheme,
+    Strata,
+};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{RadianceGradient, TranslationalGradient};
 use std::f32::consts::FRAC_PI_2;
 
-/// Bands of radiance records: more cost more than the paths they replace, and tables of tilts grow with the fifth power.
+/// Bands of radiance records: more cost more than the paths they replace, and tables of tilts grow
+/// with the fifth power.
 const MAX_RADIANCE_ORDER: u8 = 20;
 
 impl Scheme {
@@ -69,10 +73,14 @@ impl Scheme {
             return fail("setting `passes` must be 1 or 2");
         }
         if self.refinement != Refinement::None && self.passes != 2 {
-            return fail("setting `refinement` needs `passes` 2: records shrink after they are made");
+            return fail(
+                "setting `refinement` needs `passes` 2: records shrink after they are made",
+            );
         }
         if self.noise > 0.0 && self.passes != 2 {
-            return fail("setting `noise` needs `passes` 2: noisy records are gathered again when all are made");
+            return fail(
+                "setting `noise` needs `passes` 2: noisy records are gathered again when all are made",
+            );
         }
         let simple = self.kernel != Kernel::Schwarzhaupt
             && self.footprint == FootprintKind::Disc
@@ -82,7 +90,9 @@ impl Scheme {
                 "setting `refinement` needs kernel `ward` or `tabellion`, footprint `disc` and no extrapolation to second order",
             );
         }
-        if self.translational_gradient == TranslationalGradient::WardHeckbert && self.strata != Strata::Polar {
+        if self.translational_gradient == TranslationalGradient::WardHeckbert
+            && self.strata != Strata::Polar
+        {
             return fail("the translational gradient `ward-heckbert` needs strata `polar`");
         }
         if self.radiance_order > MAX_RADIANCE_ORDER {
@@ -97,7 +107,9 @@ impl Scheme {
         if self.radiance_bands == RadianceBands::All && self.radiance_order == 0 {
             return fail("setting `radiance_bands` `all` needs a `radiance_order` above 0");
         }
-        for (name, value) in [("radiance_rays", self.radiance_rays), ("radiance_error", self.radiance_error)] {
+        for (name, value) in
+            [("radiance_rays", self.radiance_rays), ("radiance_error", self.radiance_error)]
+        {
             if !(positive(value) && value <= 100.0) {
                 return fail(&format!("setting `{name}` must be above 0 and at most 100"));
             }
@@ -109,7 +121,8 @@ impl Scheme {
             return fail("setting `radiance_share` must be from 0 to 1");
         }
         if self.triangulates_radiance() {
-            let whole = self.radiance_gradient == RadianceGradient::Triangulated && self.radiance_basis == BasisKind::Sh;
+            let whole = self.radiance_gradient == RadianceGradient::Triangulated
+                && self.radiance_basis == BasisKind::Sh;
             if !(whole && self.strata == Strata::Concentric) {
                 return fail(
                     "the settings `radiance_metric`, `radiance_placement` and `hit_change` need radiance gradient `triangulated`, and that needs radiance basis `sh` and strata `concentric`",
@@ -142,12 +155,16 @@ impl Scheme {
             return fail("the contents `direct-and-indirect` need extrapolation `axes`");
         }
         if self.light_paths > 0 && !axes {
-            return fail("setting `light_paths` needs extrapolation `axes`: gradients know of rays alone");
+            return fail(
+                "setting `light_paths` needs extrapolation `axes`: gradients know of rays alone",
+            );
         }
         if self.light_paths > 1_000_000 {
             return fail("setting `light_paths` must be at most 1000000");
         }
-        for (name, value) in [("light_rays", self.light_rays), ("axis_light_rays", self.axis_light_rays)] {
+        for (name, value) in
+            [("light_rays", self.light_rays), ("axis_light_rays", self.axis_light_rays)]
+        {
             if !(1..=65_536).contains(&value) {
                 return fail(&format!("setting `{name}` must be between 1 and 65536"));
             }

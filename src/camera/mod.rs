@@ -43,7 +43,8 @@ pub struct CameraRay {
     pub origin: Vec3,
     /// Unit direction.
     pub dir: Vec3,
-    /// Diameter of a pixel at distance t along the ray is `pixel_offset + pixel_angle * t`: offset for orthographic cameras, angle for perspective ones.
+    /// Diameter of a pixel at distance t along the ray is `pixel_offset + pixel_angle * t`: offset
+    /// for orthographic cameras, angle for perspective ones.
     pub pixel_offset: f32,
     /// See `pixel_offset`; radians.
     pub pixel_angle: f32,
@@ -58,8 +59,10 @@ pub struct CameraView {
     pub to_camera: Vec3,
     /// Distance from the point to the camera.
     pub distance: f32,
-    /// Pixels per unit area of a surface at the point that lies across `to_camera`: the importance of the point. A pixel is the mean of the radiance over its square of the
-    /// image, so this is also the density of camera samples that are uniform in the image, times its number of pixels.
+    /// Pixels per unit area of a surface at the point that lies across `to_camera`: the importance
+    /// of the point. A pixel is the mean of the radiance over its square of the image, so this
+    /// is also the density of camera samples that are uniform in the image, times its number of
+    /// pixels.
     pub pixels_per_area: f32,
 }
 
@@ -68,13 +71,15 @@ impl Camera {
     pub fn towards(&self, point: Vec3) -> Vec3 {
         let back = Vec3::from(self.to_world.matrix3.z_axis);
         match self.projection {
-            Projection::Perspective { .. } => (Vec3::from(self.to_world.translation) - point).normalize_or(back),
+            Projection::Perspective { .. } => {
+                (Vec3::from(self.to_world.translation) - point).normalize_or(back)
+            }
             Projection::Orthographic { .. } => back,
         }
     }
 
-    /// How the camera sees `point` in an image of `size` pixels, the inverse of [`Camera::ray`]; `None` for a point that is not in front of it. The point may lie
-    /// outside the image.
+    /// How the camera sees `point` in an image of `size` pixels, the inverse of [`Camera::ray`];
+    /// `None` for a point that is not in front of it. The point may lie outside the image.
     ///
     /// ```text
     /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)        perspective, θ the angle with the view axis, d the distance
@@ -96,19 +101,36 @@ impl Camera {
                 let distance = squared.sqrt();
                 let cos = depth / distance;
                 let pixels = h * h / (4.0 * tan * tan * cos * cos * cos * squared);
-                (local.x / (depth * tan * w / h), local.y / (depth * tan), -offset / distance, distance, pixels)
+                (
+                    local.x / (depth * tan * w / h),
+                    local.y / (depth * tan),
+                    -offset / distance,
+                    distance,
+                    pixels,
+                )
             }
-            Projection::Orthographic { xmag, ymag } => {
-                (local.x / xmag, local.y / ymag, axes.z_axis.into(), depth, w * h / (4.0 * xmag * ymag))
-            }
+            Projection::Orthographic { xmag, ymag } => (
+                local.x / xmag,
+                local.y / ymag,
+                axes.z_axis.into(),
+                depth,
+                w * h / (4.0 * xmag * ymag),
+            ),
         };
         let raster = Vec2::new(0.5 * (x + 1.0) * w, 0.5 * (1.0 - y) * h);
-        pixels_per_area.is_finite().then_some(CameraView { raster, to_camera, distance, pixels_per_area })
+        pixels_per_area.is_finite().then_some(CameraView {
+            raster,
+            to_camera,
+            distance,
+            pixels_per_area,
+        })
     }
 
-    /// The ray through `raster` (pixels from the upper left corner of the image) of an image of `size` pixels.
+    /// The ray through `raster` (pixels from the upper left corner of the image) of an image of
+    /// `size` pixels.
     ///
-    /// The vertical field of view is the file's whatever the image's aspect, as in other glTF viewers.
+    /// The vertical field of view is the file's whatever the image's aspect, as in other glTF
+    /// viewers.
     pub fn ray(&self, raster: Vec2, size: [u32; 2]) -> CameraRay {
         let (w, h) = (size[0] as f32, size[1] as f32);
         let (x, y) = (2.0 * raster.x / w - 1.0, 1.0 - 2.0 * raster.y / h);
@@ -118,7 +140,12 @@ impl Camera {
                 let local = Vec3::new(x * tan * w / h, y * tan, -1.0);
                 let dir = self.to_world.transform_vector3(local).normalize();
                 let pixel_angle = 2.0 * tan / h / local.length_squared();
-                CameraRay { origin: self.to_world.translation.into(), dir, pixel_offset: 0.0, pixel_angle }
+                CameraRay {
+                    origin: self.to_world.translation.into(),
+                    dir,
+                    pixel_offset: 0.0,
+                    pixel_angle,
+                }
             }
             Projection::Orthographic { xmag, ymag } => {
                 let origin = self.to_world.transform_point3(Vec3::new(x * xmag, y * ymag, 0.0));
@@ -155,7 +182,10 @@ mod tests {
             glam::Quat::from_rotation_y(0.7) * glam::Quat::from_rotation_x(-0.4),
             Vec3::new(3.0, -2.0, 1.0),
         );
-        for projection in [Projection::Perspective { yfov: 0.9 }, Projection::Orthographic { xmag: 2.0, ymag: 1.5 }] {
+        for projection in [
+            Projection::Perspective { yfov: 0.9 },
+            Projection::Orthographic { xmag: 2.0, ymag: 1.5 },
+        ] {
             let camera = Camera { name: String::new(), projection, aspect: None, to_world };
             let size = [200, 120];
             for raster in [Vec2::new(3.0, 100.0), Vec2::new(100.0, 60.0), Vec2::new(170.5, 20.25)] {
@@ -166,14 +196,21 @@ mod tests {
                 let (ray, point) = at(raster);
                 let view = camera.view(point, size).unwrap();
                 assert!((view.raster - raster).length() < 1e-2, "{view:?}");
-                assert!((view.to_camera + ray.dir).length() < 1e-5 && (view.distance - 7.0).abs() < 1e-4, "{view:?}");
+                assert!(
+                    (view.to_camera + ray.dir).length() < 1e-5
+                        && (view.distance - 7.0).abs() < 1e-4,
+                    "{view:?}"
+                );
                 // The area across the ray that a square of two pixels covers.
                 let onto = |r: Vec2| {
                     let ray2 = camera.ray(r, size);
                     let t = (point - ray2.origin).dot(ray.dir) / ray2.dir.dot(ray.dir);
                     ray2.origin + ray2.dir * t
                 };
-                let (dx, dy) = (onto(raster + Vec2::X) - onto(raster - Vec2::X), onto(raster + Vec2::Y) - onto(raster - Vec2::Y));
+                let (dx, dy) = (
+                    onto(raster + Vec2::X) - onto(raster - Vec2::X),
+                    onto(raster + Vec2::Y) - onto(raster - Vec2::Y),
+                );
                 let pixels = 4.0 / dx.cross(dy).length();
                 assert!((view.pixels_per_area / pixels - 1.0).abs() < 1e-2, "{view:?} {pixels}");
                 assert!(camera.view(ray.origin - ray.dir * 2.0, size).is_none());

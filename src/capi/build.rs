@@ -24,7 +24,8 @@ impl CacheObject {
     /// Fills all levels, deepest first, with what `points` need on the first.
     pub fn build(&self, points: &Points) -> Outcome {
         let started = Instant::now();
-        let (settings, snapshot, progress) = (self.settings(), self.live.snapshot(), Progress::default());
+        let (settings, snapshot, progress) =
+            (self.settings(), self.live.snapshot(), Progress::default());
         if snapshot.is_frozen() {
             return Err(Fault::operation("the cache is frozen: it takes no more records"));
         }
@@ -32,15 +33,20 @@ impl CacheObject {
         let before = (snapshot.compact(), self.gloss.load_full());
         let committed = self.scene.committed()?;
         let (cache, gloss) = self.run(&progress, true, |exchange| match &committed.world {
-            World::Own(scene) => self.build_own(scene, &settings, seeds, points.have_wo(), before, &progress),
-            World::Host(host) => Ok((self.build_with(host, &settings, seeds, before.0, exchange, &progress)?, None)),
+            World::Own(scene) => {
+                self.build_own(scene, &settings, seeds, points.have_wo(), before, &progress)
+            }
+            World::Host(host) => {
+                Ok((self.build_with(host, &settings, seeds, before.0, exchange, &progress)?, None))
+            }
         })??;
         self.counters.spent(started);
         self.put(cache, gloss);
         Ok(())
     }
 
-    /// In a scene of our own. Radiance records are made where the seeds say from where they are looked at.
+    /// In a scene of our own. Radiance records are made where the seeds say from where they are
+    /// looked at.
     fn build_own(
         &self,
         scene: &Scene,
@@ -53,7 +59,9 @@ impl CacheObject {
         let (scheme, seed) = (&settings.scheme, settings.seed);
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let wanted = scheme.radiance_diffuse || have_wo;
-        let gloss = gloss.or_else(|| Gloss::new(scene, scheme, settings.max_bounces).filter(|_| wanted).map(Arc::new));
+        let gloss = gloss.or_else(|| {
+            Gloss::new(scene, scheme, settings.max_bounces).filter(|_| wanted).map(Arc::new)
+        });
         let before = gloss.as_ref().map_or(0, |g| g.gather_rays());
         let mut caches = Caches::of(cache, gloss);
         let spots = spots(tracer, &mut caches, settings, &seeds, have_wo);
@@ -62,14 +70,19 @@ impl CacheObject {
             tracer.views_at(&points, seed)
         };
         let deeper_points = settings.deeper_points as usize;
-        caches.fill(&Job { tracer, deeper_points, round: 0, seed, look: &look, towards: None }, &spots, progress)?;
+        caches.fill(
+            &Job { tracer, deeper_points, round: 0, seed, look: &look, towards: None },
+            &spots,
+            progress,
+        )?;
         let rays = caches.fill.iter().map(|f| f.gather_rays).sum::<u64>();
         let of_gloss = caches.gloss.as_ref().map_or(0, |g| g.gather_rays()) - before;
         self.counters.rays.fetch_add(rays + of_gloss, Ordering::Relaxed);
         Ok((caches.cache, caches.gloss))
     }
 
-    /// In the scene of `host`, of whose surfaces little is known: irradiance alone, without refinement.
+    /// In the scene of `host`, of whose surfaces little is known: irradiance alone, without
+    /// refinement.
     fn build_with(
         &self,
         host: &Host,
@@ -88,7 +101,11 @@ impl CacheObject {
             let (from, count) = (&levels[levels.len() - 1].points, settings.deeper_points as usize);
             let seed = hash(&[settings.seed, 2, u64::from(level)]);
             // All bounces are in what a host may answer: there are no deeper levels then.
-            let points = if host.is_full() { Vec::new() } else { probe.next_points(from, count, u32::from(level), seed) };
+            let points = if host.is_full() {
+                Vec::new()
+            } else {
+                probe.next_points(from, count, u32::from(level), seed)
+            };
             levels.push(LevelPoints { points, round: 0 });
         }
         progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
@@ -104,11 +121,20 @@ impl CacheObject {
     }
 }
 
-/// The records that `seeds` need: irradiance everywhere, as hosts ask for it with or without `wo`, and radiance on all surfaces of ours that have a use for it: a host that says from where they are looked at has one, too.
-fn spots(tracer: PathTracer, caches: &mut Caches, settings: &Settings, seeds: &[SurfacePoint], have_wo: bool) -> Vec<Spot> {
+/// The records that `seeds` need: irradiance everywhere, as hosts ask for it with or without `wo`,
+/// and radiance on all surfaces of ours that have a use for it: a host that says from where they
+/// are looked at has one, too.
+fn spots(
+    tracer: PathTracer,
+    caches: &mut Caches,
+    settings: &Settings,
+    seeds: &[SurfacePoint],
+    have_wo: bool,
+) -> Vec<Spot> {
     let scheme = &settings.scheme;
     let numbered = || (0_u32..).zip(seeds);
-    let of_irradiance = numbered().map(|(number, at)| Spot { number, point: *at, irradiance: true, order: 0 });
+    let of_irradiance =
+        numbered().map(|(number, at)| Spot { number, point: *at, irradiance: true, order: 0 });
     let Some(gloss) = caches.gloss.as_mut().filter(|_| have_wo || scheme.radiance_diffuse) else {
         return of_irradiance.collect();
     };
@@ -121,5 +147,9 @@ fn spots(tracer: PathTracer, caches: &mut Caches, settings: &Settings, seeds: &[
         (order > 0).then_some(Spot { number, point, irradiance: false, order })
     };
     let of_radiance = numbered().filter_map(found);
-    if scheme.radiance_diffuse { of_radiance.collect() } else { of_irradiance.chain(of_radiance).collect() }
+    if scheme.radiance_diffuse {
+        of_radiance.collect()
+    } else {
+        of_irradiance.chain(of_radiance).collect()
+    }
 }

@@ -6,8 +6,13 @@ use super::object::{borrow, clear, publish, release, retain};
 use super::probe::HostProbe;
 use super::query::{Points, points};
 use super::scene::{SceneObject, World, path};
-use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error};
-use super::types::{LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats, write};
+use super::status::{
+    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error,
+};
+use super::types::{
+    LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats,
+    write,
+};
 use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
 use crate::gather::RadianceProbe;
 use crate::integrator::{PathTracer, SceneProbe};
@@ -86,7 +91,9 @@ impl CacheObject {
         match self.changing.try_lock() {
             Ok(guard) => Ok(guard),
             Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => Err(Fault::operation("another call is changing this cache")),
+            Err(TryLockError::WouldBlock) => {
+                Err(Fault::operation("another call is changing this cache"))
+            }
         }
     }
 
@@ -108,7 +115,12 @@ impl CacheObject {
 
     fn origin(&self) -> Outcome<Origin> {
         let (settings, committed) = (self.settings(), self.scene.committed()?);
-        Ok(Origin::new(committed.hashes.clone(), &settings.scheme, settings.max_bounces, committed.size()))
+        Ok(Origin::new(
+            committed.hashes.clone(),
+            &settings.scheme,
+            settings.max_bounces,
+            committed.size(),
+        ))
     }
 
     /// An empty cache under the settings.
@@ -120,7 +132,9 @@ impl CacheObject {
     fn set(&self, name: &str, value: &str) -> Outcome {
         let _alone = self.change()?;
         if self.live.read(|s| s.record_count() > 0) {
-            return Err(Fault::operation("the cache has records: clear it before its settings change"));
+            return Err(Fault::operation(
+                "the cache has records: clear it before its settings change",
+            ));
         }
         self.settings.lock().unwrap_or_else(PoisonError::into_inner).set(name, value)?;
         self.put(self.empty()?, None);
@@ -128,7 +142,12 @@ impl CacheObject {
     }
 
     /// Calls `f` with the probe of the scene.
-    pub fn with_probe<R>(&self, exchange: &Exchange, progress: &Progress, f: impl FnOnce(&dyn RadianceProbe) -> R) -> Outcome<R> {
+    pub fn with_probe<R>(
+        &self,
+        exchange: &Exchange,
+        progress: &Progress,
+        f: impl FnOnce(&dyn RadianceProbe) -> R,
+    ) -> Outcome<R> {
         let max_bounces = self.settings().max_bounces;
         Ok(match &self.scene.committed()?.world {
             World::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
@@ -137,8 +156,14 @@ impl CacheObject {
     }
 
     /// The probe that asks `host`.
-    pub fn host_probe<'a>(&self, host: &'a Host, exchange: &'a Exchange, progress: &'a Progress) -> Outcome<HostProbe<'a>> {
-        let (max_bounces, footprint) = (self.settings().max_bounces, DEEPER_FOOTPRINT * self.size()?);
+    pub fn host_probe<'a>(
+        &self,
+        host: &'a Host,
+        exchange: &'a Exchange,
+        progress: &'a Progress,
+    ) -> Outcome<HostProbe<'a>> {
+        let (max_bounces, footprint) =
+            (self.settings().max_bounces, DEEPER_FOOTPRINT * self.size()?);
         Ok(HostProbe { host, exchange, max_bounces, footprint, progress })
     }
 
@@ -155,7 +180,8 @@ impl CacheObject {
 
     fn merge(&self, other: &Self, reuse: bool) -> Outcome {
         let _alone = self.change()?;
-        let (scheme, origin, name) = (self.settings().scheme, self.origin()?, Path::new("the other cache"));
+        let (scheme, origin, name) =
+            (self.settings().scheme, self.origin()?, Path::new("the other cache"));
         let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
         file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
         self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);
@@ -165,9 +191,12 @@ impl CacheObject {
     fn stats(&self) -> Outcome<lumi_stats> {
         let snapshot = self.live.snapshot();
         let reach = Reach::new(snapshot.cache().scheme(), 0, self.size()?, 1.0);
-        let radii =
-            snapshot.records().filter(|(level, _)| *level == 0).map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
-        let (sum, max, count) = radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
+        let radii = snapshot
+            .records()
+            .filter(|(level, _)| *level == 0)
+            .map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
+        let (sum, max, count) =
+            radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
         let host = match &self.scene.committed()?.world {
             World::Own(_) => [0; 2],
             World::Host(host) => host.counts(),
@@ -199,24 +228,32 @@ impl Settings {
         let number = |low: i64, high: i64| {
             let parsed = value.parse::<i64>().ok().filter(|n| (low..=high).contains(n));
             parsed.ok_or_else(|| {
-                Fault::argument(format!("setting `{name}` is {value}, expected a whole number from {low} to {high}"))
+                Fault::argument(format!(
+                    "setting `{name}` is {value}, expected a whole number from {low} to {high}"
+                ))
             })
         };
         match name {
             "preset" => self.scheme = Preset::by_name(value)?.scheme(),
             "quality" => {
                 let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
-                let quality: f32 =
-                    quality.ok_or_else(|| Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100")))?;
+                let quality: f32 = quality.ok_or_else(|| {
+                    Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100"))
+                })?;
                 self.scheme.scale_quality(quality);
             }
-            "max_bounces" => self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX),
+            "max_bounces" => {
+                self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX)
+            }
             "seed" => self.seed = number(0, i64::MAX)? as u64,
             "deeper_points" => self.deeper_points = number(0, 1 << 24)? as u32,
             _ => {
                 let fields = serde_json::to_value(&self.scheme).unwrap_or_default();
                 if fields.get(name).is_none() {
-                    return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, format!("there is no setting `{name}`")));
+                    return Err(Fault::new(
+                        LUMI_ERROR_UNSUPPORTED,
+                        format!("there is no setting `{name}`"),
+                    ));
                 }
                 self.scheme.set(name, value)?;
             }
@@ -231,14 +268,19 @@ impl Settings {
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_new(scene: lumi_scene, preset: *const c_char, out: *mut lumi_cache) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_new(
+    scene: lumi_scene,
+    preset: *const c_char,
+    out: *mut lumi_cache,
+) -> lumi_error {
     guard("lumi_cache_new", || {
         clear(out)?;
         let scene = borrow::<SceneObject>(scene)?.arc().clone();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::by_name(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
-        let settings = Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let settings =
+            Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
         let object = CacheObject {
             touched: Touched { log: scene.device.touched.log.clone(), broken: Arc::default() },
             scene,
@@ -270,53 +312,84 @@ pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
     guard_void("lumi_cache_release", || release::<CacheObject>(cache));
 }
 
-/// Sets a number of the scheme, such as "error", "max_radius" or "quality". Fails with LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
+/// Sets a number of the scheme, such as "error", "max_radius" or "quality". Fails with
+/// LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
 /// LUMI_ERROR_INVALID_OPERATION once the cache has records.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_set_f32(cache: lumi_cache, name: *const c_char, value: f32) -> lumi_error {
-    guard("lumi_cache_set_f32", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string()))
+pub unsafe extern "C" fn lumi_cache_set_f32(
+    cache: lumi_cache,
+    name: *const c_char,
+    value: f32,
+) -> lumi_error {
+    guard("lumi_cache_set_f32", || {
+        borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string())
+    })
 }
 
-/// Sets a whole number: "rays", "levels", "passes" and other fields of the scheme, "max_bounces" (-1: no bound), "seed", "deeper_points" (points of each deeper level). See
-/// lumi_cache_set_f32.
+/// Sets a whole number: "rays", "levels", "passes" and other fields of the scheme, "max_bounces"
+/// (-1: no bound), "seed", "deeper_points" (points of each deeper level). See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_set_i32(cache: lumi_cache, name: *const c_char, value: i32) -> lumi_error {
-    guard("lumi_cache_set_i32", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string()))
+pub unsafe extern "C" fn lumi_cache_set_i32(
+    cache: lumi_cache,
+    name: *const c_char,
+    value: i32,
+) -> lumi_error {
+    guard("lumi_cache_set_i32", || {
+        borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string())
+    })
 }
 
-/// Sets a word: "preset", which resets the whole scheme, or any setting written as `lumicache presets` shows it. See lumi_cache_set_f32.
+/// Sets a word: "preset", which resets the whole scheme, or any setting written as `lumicache
+/// presets` shows it. See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_set_str(cache: lumi_cache, name: *const c_char, value: *const c_char) -> lumi_error {
-    guard("lumi_cache_set_str", || borrow::<CacheObject>(cache)?.set(text(name, "name")?, text(value, "value")?))
+pub unsafe extern "C" fn lumi_cache_set_str(
+    cache: lumi_cache,
+    name: *const c_char,
+    value: *const c_char,
+) -> lumi_error {
+    guard("lumi_cache_set_str", || {
+        borrow::<CacheObject>(cache)?.set(text(name, "name")?, text(value, "value")?)
+    })
 }
 
 /// Sets who watches lumi_cache_build and lumi_cache_render; NULL: nobody.
 ///
 /// Threads: any; the callback runs on the thread that builds.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_set_progress(cache: lumi_cache, callback: lumi_progress_fn, user: *mut c_void) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_set_progress(
+    cache: lumi_cache,
+    callback: lumi_progress_fn,
+    user: *mut c_void,
+) -> lumi_error {
     guard("lumi_cache_set_progress", || {
         let cache = borrow::<CacheObject>(cache)?;
-        *cache.watcher.lock().unwrap_or_else(PoisonError::into_inner) = (callback, user.expose_provenance());
+        *cache.watcher.lock().unwrap_or_else(PoisonError::into_inner) =
+            (callback, user.expose_provenance());
         Ok(())
     })
 }
 
-/// Makes records until every seed point is covered, and before that those of deeper bounces. Where seeds have `wo` and scene and preset are for it, radiance records are made beside them, for glossy lobes that
-/// harmonics represent; presets that refine records refine them, in scenes of our own. What the cache has already is kept. The same settings, points and calls give the
-/// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as before.
+/// Makes records until every seed point is covered, and before that those of deeper bounces. Where
+/// seeds have `wo` and scene and preset are for it, radiance records are made beside them, for
+/// glossy lobes that harmonics represent; presets that refine records refine them, in scenes of our
+/// own. What the cache has already is kept. The same settings, points and calls give the
+/// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as
+/// before.
 ///
 /// `seeds`: positions, normals, wo and footprints are read, nothing is written.
 ///
 /// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_build(cache: lumi_cache, seeds: *const lumi_query) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_build(
+    cache: lumi_cache,
+    seeds: *const lumi_query,
+) -> lumi_error {
     guard("lumi_cache_build", || {
         let cache = borrow::<CacheObject>(cache)?;
         let points: Points = points(seeds, &cache)?;
@@ -338,7 +411,8 @@ pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
     })
 }
 
-/// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what they were made for.
+/// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what
+/// they were made for.
 ///
 /// `path`: UTF-8.
 ///
@@ -355,24 +429,34 @@ fn reuse(flags: u32) -> Outcome<bool> {
     Ok(flags & LUMI_REUSE != 0)
 }
 
-/// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the file was made for another scene or under other settings, which LUMI_REUSE
-/// overlooks. LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
+/// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the
+/// file was made for another scene or under other settings, which LUMI_REUSE overlooks.
+/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
 ///
 /// `path`: UTF-8. `flags`: 0 or LUMI_REUSE.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_load(cache: lumi_cache, file: *const c_char, flags: u32) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_load(
+    cache: lumi_cache,
+    file: *const c_char,
+    flags: u32,
+) -> lumi_error {
     guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
 }
 
-/// Adds the records of `src` to `dst`, but for those that it has already. LUMI_ERROR_STALE_CACHE as for lumi_cache_load.
+/// Adds the records of `src` to `dst`, but for those that it has already. LUMI_ERROR_STALE_CACHE as
+/// for lumi_cache_load.
 ///
 /// `flags`: 0 or LUMI_REUSE.
 ///
 /// Threads: one per cache `dst`; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_merge(dst: lumi_cache, src: lumi_cache, flags: u32) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_merge(
+    dst: lumi_cache,
+    src: lumi_cache,
+    flags: u32,
+) -> lumi_error {
     guard("lumi_cache_merge", || {
         let (dst, src) = (borrow::<CacheObject>(dst)?, borrow::<CacheObject>(src)?);
         dst.merge(&src, reuse(flags)?)
@@ -398,8 +482,13 @@ pub unsafe extern "C" fn lumi_cache_clear(cache: lumi_cache) -> lumi_error {
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_get_stats(cache: lumi_cache, stats: *mut lumi_stats) -> lumi_error {
-    guard("lumi_cache_get_stats", || write(stats, borrow::<CacheObject>(cache)?.stats()?, "the stats"))
+pub unsafe extern "C" fn lumi_cache_get_stats(
+    cache: lumi_cache,
+    stats: *mut lumi_stats,
+) -> lumi_error {
+    guard("lumi_cache_get_stats", || {
+        write(stats, borrow::<CacheObject>(cache)?.stats()?, "the stats")
+    })
 }
 
 /// Writes records `first` and following, at most `max`, to `out`: first level first.
@@ -426,7 +515,9 @@ pub unsafe extern "C" fn lumi_cache_get_records(
             count = snapshot.record_count();
         } else {
             for (level, r) in snapshot.records().skip(first).take(max) {
-                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0).radius(r.length, r.footprint).0;
+                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0)
+                    .radius(r.length, r.footprint)
+                    .0;
                 let record = lumi_record {
                     position: r.position.to_array(),
                     normal: r.normal.to_array(),

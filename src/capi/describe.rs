@@ -2,9 +2,11 @@
 
 use super::status::{Fault, Outcome};
 use super::types::{
-    LUMI_ALPHA_BLEND, LUMI_ALPHA_MASK, LUMI_ALPHA_OPAQUE, LUMI_FORMAT_F32X2, LUMI_FORMAT_F32X3, LUMI_FORMAT_F32X4,
-    LUMI_FORMAT_U32, LUMI_FORMAT_U32X3, LUMI_LIGHT_DIRECTIONAL, LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED,
-    LUMI_WRAP_CLAMP, LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lumi_light_desc, lumi_material_desc, lumi_mesh_desc, lumi_texture_desc,
+    LUMI_ALPHA_BLEND, LUMI_ALPHA_MASK, LUMI_ALPHA_OPAQUE, LUMI_FORMAT_F32X2, LUMI_FORMAT_F32X3,
+    LUMI_FORMAT_F32X4, LUMI_FORMAT_U32, LUMI_FORMAT_U32X3, LUMI_LIGHT_DIRECTIONAL,
+    LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED, LUMI_WRAP_CLAMP,
+    LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lumi_light_desc, lumi_material_desc, lumi_mesh_desc,
+    lumi_texture_desc,
 };
 use super::views::{Input, lent};
 use crate::geometry::TriangleMesh;
@@ -19,7 +21,11 @@ use std::sync::Arc;
 const MAX_TEXTURE: u32 = 1 << 16;
 
 fn finite(v: Vec3, what: &str) -> Outcome<Vec3> {
-    if v.is_finite() { Ok(v) } else { Err(Fault::argument(format!("{what} {v} is no finite vector"))) }
+    if v.is_finite() {
+        Ok(v)
+    } else {
+        Err(Fault::argument(format!("{what} {v} is no finite vector")))
+    }
 }
 
 fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
@@ -36,7 +42,11 @@ fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
 
 fn not_negative(c: [f32; 3], what: &str) -> Outcome<Color> {
     let c = finite(c.into(), what)?;
-    if c.min_element() >= 0.0 { Ok(c) } else { Err(Fault::argument(format!("{what} {c} is negative"))) }
+    if c.min_element() >= 0.0 {
+        Ok(c)
+    } else {
+        Err(Fault::argument(format!("{what} {c} is negative")))
+    }
 }
 
 /// The transform of 12 floats, columns x, y, z and translation.
@@ -49,22 +59,36 @@ pub(super) fn transform(floats: &[f32; 12], what: &str) -> Outcome<Affine3A> {
     Ok(m)
 }
 
-/// The meshes of `desc`, one for each material it uses; materials are below `materials`. Positions and indices that the host shares stay where they are if they are dense and of one material.
+/// The meshes of `desc`, one for each material it uses; materials are below `materials`. Positions
+/// and indices that the host shares stay where they are if they are dense and of one material.
 pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<TriangleMesh>> {
     let missing = |what: &str| Fault::argument(format!("mesh: there are no {what}"));
-    let positions = Input::<f32, 3>::of_view(&desc.positions, LUMI_FORMAT_F32X3, "mesh: positions")?;
+    let positions =
+        Input::<f32, 3>::of_view(&desc.positions, LUMI_FORMAT_F32X3, "mesh: positions")?;
     let indices = Input::<u32, 3>::of_view(&desc.indices, LUMI_FORMAT_U32X3, "mesh: indices")?;
-    let (positions, indices) = (positions.ok_or_else(|| missing("positions"))?, indices.ok_or_else(|| missing("indices"))?);
+    let (positions, indices) = (
+        positions.ok_or_else(|| missing("positions"))?,
+        indices.ok_or_else(|| missing("indices"))?,
+    );
     let normals = Input::<f32, 3>::of_view(&desc.normals, LUMI_FORMAT_F32X3, "mesh: normals")?;
     let uv = Input::<f32, 2>::of_view(&desc.uv0, LUMI_FORMAT_F32X2, "mesh: uv0")?;
     let colors = Input::<f32, 4>::of_view(&desc.colors, LUMI_FORMAT_F32X4, "mesh: colors")?;
-    let own = Input::<u32, 1>::of_view(&desc.triangle_materials, LUMI_FORMAT_U32, "mesh: triangle_materials")?;
+    let own = Input::<u32, 1>::of_view(
+        &desc.triangle_materials,
+        LUMI_FORMAT_U32,
+        "mesh: triangle_materials",
+    )?;
     let vertices = positions.len();
-    for (what, count) in
-        [("normals", normals.map(|v| v.len())), ("uv0", uv.map(|v| v.len())), ("colors", colors.map(|v| v.len()))]
-    {
+    for (what, count) in [
+        ("normals", normals.map(|v| v.len())),
+        ("uv0", uv.map(|v| v.len())),
+        ("colors", colors.map(|v| v.len())),
+    ] {
         if count.is_some_and(|n| n != vertices) {
-            return Err(Fault::argument(format!("mesh: {what} has {} elements for {vertices} vertices", count.unwrap_or(0))));
+            return Err(Fault::argument(format!(
+                "mesh: {what} has {} elements for {vertices} vertices",
+                count.unwrap_or(0)
+            )));
         }
     }
     if own.is_some_and(|m| m.len() != indices.len()) {
@@ -78,26 +102,41 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
         return Err(Fault::argument(format!("mesh: position {i} is no finite vector")));
     }
     // A normal that is none is left to the surface: it is looked up as zero there.
-    let normals: Option<Vec<Vec3>> =
-        normals.map(|n| n.iter().map(|n| finite_or_zero(Vec3::from(n)).normalize_or_zero()).collect());
-    let uv: Option<Vec<Vec2>> = uv.map(|t| t.iter().map(|t| Vec2::from(t.map(number_or_zero))).collect());
-    let colors: Option<Vec<Vec4>> =
-        colors.map(|c| c.iter().map(|c| Vec4::from(c.map(number_or_zero)).clamp(Vec4::ZERO, Vec4::ONE)).collect());
+    let normals: Option<Vec<Vec3>> = normals
+        .map(|n| n.iter().map(|n| finite_or_zero(Vec3::from(n)).normalize_or_zero()).collect());
+    let uv: Option<Vec<Vec2>> =
+        uv.map(|t| t.iter().map(|t| Vec2::from(t.map(number_or_zero))).collect());
+    let colors: Option<Vec<Vec4>> = colors.map(|c| {
+        c.iter().map(|c| Vec4::from(c.map(number_or_zero)).clamp(Vec4::ZERO, Vec4::ONE)).collect()
+    });
 
     let mut by_material: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
     for (i, triangle) in indices.iter().enumerate() {
         if triangle.iter().any(|v| *v as usize >= vertices) {
-            return Err(Fault::argument(format!("mesh: triangle {i} has a vertex beyond its {vertices}")));
+            return Err(Fault::argument(format!(
+                "mesh: triangle {i} has a vertex beyond its {vertices}"
+            )));
         }
         let material = own.map_or(desc.material, |m| m.get(i)[0]);
         if material as usize >= materials {
-            return Err(Fault::argument(format!("mesh: triangle {i} has material {material}, of which there are {materials}")));
+            return Err(Fault::argument(format!(
+                "mesh: triangle {i} has material {material}, of which there are {materials}"
+            )));
         }
         by_material.entry(material).or_default().push(triangle);
     }
-    let whole = TriangleMesh { positions: positions.into(), normals, uv: [uv, None], colors, ..TriangleMesh::default() };
+    let whole = TriangleMesh {
+        positions: positions.into(),
+        normals,
+        uv: [uv, None],
+        colors,
+        ..TriangleMesh::default()
+    };
     if by_material.len() > 1 {
-        return Ok(by_material.into_iter().map(|(material, triangles)| part(&whole, triangles, material)).collect());
+        return Ok(by_material
+            .into_iter()
+            .map(|(material, triangles)| part(&whole, triangles, material))
+            .collect());
     }
     let one = |(material, triangles): (u32, Vec<[u32; 3]>)| TriangleMesh {
         positions: lent(&desc.positions).unwrap_or(whole.positions),
@@ -188,10 +227,18 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
     Ok(Material {
         base_color,
         base_alpha: share(desc.alpha, "alpha")?,
-        base_color_texture: texture(desc.base_color_texture, ColorSpace::Srgb, "base_color_texture")?,
+        base_color_texture: texture(
+            desc.base_color_texture,
+            ColorSpace::Srgb,
+            "base_color_texture",
+        )?,
         metallic: share(desc.metallic, "metallic")?,
         roughness: share(desc.roughness, "roughness")?,
-        metallic_roughness_texture: texture(desc.metallic_roughness_texture, ColorSpace::Linear, "metallic_roughness_texture")?,
+        metallic_roughness_texture: texture(
+            desc.metallic_roughness_texture,
+            ColorSpace::Linear,
+            "metallic_roughness_texture",
+        )?,
         normal_texture: texture(desc.normal_texture, ColorSpace::Linear, "normal_texture")?,
         emission: not_negative(desc.emission, "material: emission")?,
         emission_texture,
@@ -199,7 +246,9 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
             LUMI_ALPHA_OPAQUE => AlphaMode::Opaque,
             LUMI_ALPHA_MASK => AlphaMode::Mask(share(desc.alpha_cutoff, "alpha_cutoff")?),
             LUMI_ALPHA_BLEND => AlphaMode::Blend,
-            other => return Err(Fault::argument(format!("material: there is no alpha_mode {other}"))),
+            other => {
+                return Err(Fault::argument(format!("material: there is no alpha_mode {other}")));
+            }
         },
         double_sided: desc.flags & LUMI_MATERIAL_DOUBLE_SIDED != 0,
         ior: in_range(desc.ior, 1.0, 100.0, "material: ior")?,
@@ -211,7 +260,8 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
 
 /// The texture of `desc`.
 pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
-    if desc.width == 0 || desc.height == 0 || desc.width > MAX_TEXTURE || desc.height > MAX_TEXTURE {
+    if desc.width == 0 || desc.height == 0 || desc.width > MAX_TEXTURE || desc.height > MAX_TEXTURE
+    {
         return Err(Fault::argument(format!(
             "texture: {} x {} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible",
             desc.width, desc.height
@@ -224,7 +274,12 @@ pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
         other => Err(Fault::argument(format!("texture: there is no wrapping {other}"))),
     };
     let (wrap_s, wrap_t) = (wrap(desc.wrap_u)?, wrap(desc.wrap_v)?);
-    let pixels = Input::<u8, 4>::required(desc.pixels, desc.width as usize * desc.height as usize, 0, "texture: pixels")?;
+    let pixels = Input::<u8, 4>::required(
+        desc.pixels,
+        desc.width as usize * desc.height as usize,
+        0,
+        "texture: pixels",
+    )?;
     let pixels = TexturePixels::Rgba8(pixels.iter().collect());
     let image = Arc::new(TextureImage { width: desc.width, height: desc.height, pixels });
     Ok(Texture { image, wrap_s, wrap_t, nearest: desc.nearest != 0 })
@@ -233,7 +288,11 @@ pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
 /// The light of `desc`.
 pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
     let intensity = not_negative(desc.intensity, "light: intensity")?;
-    let range = if desc.range == 0.0 { f32::INFINITY } else { in_range(desc.range, 0.0, f32::INFINITY, "light: range")? };
+    let range = if desc.range == 0.0 {
+        f32::INFINITY
+    } else {
+        in_range(desc.range, 0.0, f32::INFINITY, "light: range")?
+    };
     let position = || finite(desc.position.into(), "light: position");
     let direction = || unit(desc.direction.into(), "light: direction");
     Ok(match desc.kind {
@@ -241,9 +300,18 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
         LUMI_LIGHT_SPOT => {
             let cos_outer = in_range(desc.cos_outer, -1.0, 1.0, "light: cos_outer")?;
             let cos_inner = in_range(desc.cos_inner, cos_outer, 1.0, "light: cos_inner")?;
-            PunctualLight::Spot { position: position()?, direction: direction()?, intensity, range, cos_inner, cos_outer }
+            PunctualLight::Spot {
+                position: position()?,
+                direction: direction()?,
+                intensity,
+                range,
+                cos_inner,
+                cos_outer,
+            }
         }
-        LUMI_LIGHT_DIRECTIONAL => PunctualLight::Directional { direction: direction()?, irradiance: intensity },
+        LUMI_LIGHT_DIRECTIONAL => {
+            PunctualLight::Directional { direction: direction()?, irradiance: intensity }
+        }
         other => return Err(Fault::argument(format!("light: there is no kind {other}"))),
     })
 }
@@ -258,11 +326,23 @@ mod tests {
         let corners = [[0.0_f32; 4], [1.0, 0.0, 0.0, 9.0], [0.0, 1.0, 0.0, 9.0]];
         let dense = corners.map(|c| [c[0], c[1], c[2]]);
         let triangles = [[0_u32, 1, 2], [2, 1, 0]];
-        let view =
-            |data: *const f32, stride, flags| lumi_view { data: data.cast(), count: 3, stride, format: LUMI_FORMAT_F32X3, flags };
+        let view = |data: *const f32, stride, flags| lumi_view {
+            data: data.cast(),
+            count: 3,
+            stride,
+            format: LUMI_FORMAT_F32X3,
+            flags,
+        };
         let of = |positions: lumi_view, flags: u32, materials: Option<&[u32; 2]>| {
-            let none = lumi_view { data: std::ptr::null(), count: 0, stride: 0, format: 0, flags: 0 };
-            let indices = lumi_view { data: triangles.as_ptr().cast(), count: 2, stride: 0, format: LUMI_FORMAT_U32X3, flags };
+            let none =
+                lumi_view { data: std::ptr::null(), count: 0, stride: 0, format: 0, flags: 0 };
+            let indices = lumi_view {
+                data: triangles.as_ptr().cast(),
+                count: 2,
+                stride: 0,
+                format: LUMI_FORMAT_U32X3,
+                flags,
+            };
             let triangle_materials = materials.map_or(none, |m| lumi_view {
                 data: m.as_ptr().cast(),
                 count: 2,
@@ -286,12 +366,22 @@ mod tests {
         };
         let lent = |m: &TriangleMesh| (m.positions.is_lent(), m.indices.is_lent());
         let shared = of(view(dense.as_ptr().cast(), 12, LUMI_VIEW_SHARED), LUMI_VIEW_SHARED, None);
-        assert_eq!((lent(&shared[0]), shared[0].positions.as_ptr().cast()), ((true, true), dense.as_ptr()));
+        assert_eq!(
+            (lent(&shared[0]), shared[0].positions.as_ptr().cast()),
+            ((true, true), dense.as_ptr())
+        );
         assert_eq!((shared[0].positions[1], shared[0].indices[1]), (Vec3::X, [2, 1, 0]));
         // Not asked for; not dense; of two materials.
-        assert_eq!(lent(&of(view(dense.as_ptr().cast(), 12, 0), LUMI_VIEW_SHARED, None)[0]), (false, true));
-        assert_eq!(lent(&of(view(corners.as_ptr().cast(), 16, LUMI_VIEW_SHARED), 0, None)[0]), (false, false));
-        let split = of(view(dense.as_ptr().cast(), 12, LUMI_VIEW_SHARED), LUMI_VIEW_SHARED, Some(&[0, 1]));
+        assert_eq!(
+            lent(&of(view(dense.as_ptr().cast(), 12, 0), LUMI_VIEW_SHARED, None)[0]),
+            (false, true)
+        );
+        assert_eq!(
+            lent(&of(view(corners.as_ptr().cast(), 16, LUMI_VIEW_SHARED), 0, None)[0]),
+            (false, false)
+        );
+        let split =
+            of(view(dense.as_ptr().cast(), 12, LUMI_VIEW_SHARED), LUMI_VIEW_SHARED, Some(&[0, 1]));
         assert!(split.len() == 2 && split.iter().all(|m| lent(m) == (false, false)));
     }
 }

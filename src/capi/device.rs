@@ -2,7 +2,8 @@
 
 use super::object::{borrow, clear, publish, release, retain};
 use super::status::{
-    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Log, Outcome, Touched, guard, guard_void, lumi_error, lumi_log_fn,
+    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Log, Outcome, Touched, guard, guard_void,
+    lumi_error, lumi_log_fn,
 };
 use super::types::{LUMI_ABI_VERSION, lumi_device};
 use crate::accel::{Accel, Backend};
@@ -27,7 +28,8 @@ impl DeviceObject {
     }
 }
 
-/// A pool whose threads flush denormals, as the tracer wants; the host's own threads are not touched.
+/// A pool whose threads flush denormals, as the tracer wants; the host's own threads are not
+/// touched.
 pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadPool> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -42,8 +44,11 @@ pub(super) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
     if at.is_null() {
         return Err(Fault::argument(format!("{what} is NULL")));
     }
-    // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond which it is not kept.
-    unsafe { CStr::from_ptr(at) }.to_str().map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
+    // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond
+    // which it is not kept.
+    unsafe { CStr::from_ptr(at) }
+        .to_str()
+        .map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
 }
 
 fn new_device(config: &str) -> Outcome<DeviceObject> {
@@ -53,11 +58,17 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
         match key.trim() {
             "threads" => {
                 threads = value.trim().parse().ok().filter(|n| *n <= 4096).ok_or_else(|| {
-                    Fault::argument(format!("config: threads={value}: expected a number from 0 (all processors) to 4096"))
+                    Fault::argument(format!(
+                        "config: threads={value}: expected a number from 0 (all processors) to 4096"
+                    ))
                 })?;
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
-            _ => return Err(Fault::argument(format!("config: there is no `{key}`; there are threads and backend"))),
+            _ => {
+                return Err(Fault::argument(format!(
+                    "config: there is no `{key}`; there are threads and backend"
+                )));
+            }
         }
     }
     let backend = wanted.unwrap_or_default();
@@ -84,10 +95,11 @@ pub extern "C" fn lumi_get_abi_version() -> u32 {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub extern "C" fn lumi_get_version_string() -> *const c_char {
-    const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
-        Ok(text) => text,
-        Err(_) => c"",
-    };
+    const VERSION: &CStr =
+        match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+            Ok(text) => text,
+            Err(_) => c"",
+        };
     let mut version = std::ptr::null();
     guard("lumi_get_version_string", || {
         version = VERSION.as_ptr();
@@ -98,17 +110,24 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 
 /// Makes a device; the caller owns a reference to it.
 ///
-/// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the library's, fails with LUMI_ERROR_VERSION.
-/// `config`: NULL, or settings separated by commas: `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it starts).
-/// `out`: receives the device, NULL on failure.
+/// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the
+/// library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
+/// `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
+/// starts). `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_device_new(abi_version: u32, config: *const c_char, out: *mut lumi_device) -> lumi_error {
+pub unsafe extern "C" fn lumi_device_new(
+    abi_version: u32,
+    config: *const c_char,
+    out: *mut lumi_device,
+) -> lumi_error {
     guard("lumi_device_new", || {
         clear(out)?;
         if abi_version >> 16 != LUMI_ABI_VERSION >> 16 || abi_version > LUMI_ABI_VERSION {
-            let what = format!("the caller was compiled for ABI {abi_version:#x}, this library has {LUMI_ABI_VERSION:#x}");
+            let what = format!(
+                "the caller was compiled for ABI {abi_version:#x}, this library has {LUMI_ABI_VERSION:#x}"
+            );
             return Err(Fault::new(LUMI_ERROR_VERSION, what));
         }
         let config = if config.is_null() { "" } else { text(config, "config")? };
@@ -132,22 +151,32 @@ pub unsafe extern "C" fn lumi_device_release(device: lumi_device) {
     guard_void("lumi_device_release", || release::<DeviceObject>(device));
 }
 
-/// Sets who hears of warnings and failures of calls on this device and its scenes and caches; NULL: nobody.
+/// Sets who hears of warnings and failures of calls on this device and its scenes and caches; NULL:
+/// nobody.
 ///
 /// Threads: any; a message under way may still go to the former callback.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_device_set_log(device: lumi_device, callback: lumi_log_fn, user: *mut c_void) -> lumi_error {
+pub unsafe extern "C" fn lumi_device_set_log(
+    device: lumi_device,
+    callback: lumi_log_fn,
+    user: *mut c_void,
+) -> lumi_error {
     guard("lumi_device_set_log", || {
         borrow::<DeviceObject>(device)?.touched.log.set(callback, user);
         Ok(())
     })
 }
 
-/// Writes name and version of the ray tracer, such as "Embree 4.3.3", to `buffer`, cut off to `size` bytes with its NUL.
+/// Writes name and version of the ray tracer, such as "Embree 4.3.3", to `buffer`, cut off to
+/// `size` bytes with its NUL.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_device_get_backend(device: lumi_device, buffer: *mut c_char, size: usize) -> lumi_error {
+pub unsafe extern "C" fn lumi_device_get_backend(
+    device: lumi_device,
+    buffer: *mut c_char,
+    size: usize,
+) -> lumi_error {
     guard("lumi_device_get_backend", || {
         let device = borrow::<DeviceObject>(device)?;
         if buffer.is_null() || size == 0 {

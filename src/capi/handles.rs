@@ -1,8 +1,10 @@
 //! Handles: numbers that stand for shared objects, and that are found out when they are stale.
 //!
-//! A handle is a slot's number with the slot's generation; the generation moves on when the object goes, so a released handle never names the object that came after.
-//! Each slot counts, in one word, the references that the host holds and the calls that are under way. Only the step that brings both to zero takes the object out, so a
-//! call keeps its object even when another thread releases the last reference meanwhile. `tests/loom` goes through all interleavings of this file.
+//! A handle is a slot's number with the slot's generation; the generation moves on when the object
+//! goes, so a released handle never names the object that came after. Each slot counts, in one
+//! word, the references that the host holds and the calls that are under way. Only the step that
+//! brings both to zero takes the object out, so a call keeps its object even when another thread
+//! releases the last reference meanwhile. `tests/loom` goes through all interleavings of this file.
 
 use super::sync::{AtomicU64, Cell, Mutex, Ordering};
 use std::sync::PoisonError;
@@ -39,8 +41,9 @@ pub struct Table<T> {
     free: Mutex<Vec<u16>>,
 }
 
-// SAFETY: a slot's value is written only by the thread that owns the slot alone, before its word admits others and after it has shut them out; in between it is only
-// read, from many threads, and dropped by whichever thread is last.
+// SAFETY: a slot's value is written only by the thread that owns the slot alone, before its word
+// admits others and after it has shut them out; in between it is only read, from many threads, and
+// dropped by whichever thread is last.
 unsafe impl<T: Send + Sync> Send for Table<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send + Sync> Sync for Table<T> {}
@@ -55,7 +58,10 @@ impl<T> Table<T> {
     /// A table for at most `size` objects at once, which must be below 65536.
     pub fn new(size: u16) -> Self {
         let slot = || Slot { word: AtomicU64::new(1 << GENERATION), value: Cell::new(None) };
-        Self { slots: (0..size).map(|_| slot()).collect(), free: Mutex::new((0..size).rev().collect()) }
+        Self {
+            slots: (0..size).map(|_| slot()).collect(),
+            free: Mutex::new((0..size).rev().collect()),
+        }
     }
 
     fn free(&self) -> impl std::ops::DerefMut<Target = Vec<u16>> + '_ {
@@ -66,7 +72,8 @@ impl<T> Table<T> {
     pub fn insert(&self, value: T) -> Option<u64> {
         let number = self.free().pop()?;
         let slot = &self.slots[usize::from(number)];
-        // SAFETY: the slot came off the free list, so no reference and no call names it: it is this thread's alone.
+        // SAFETY: the slot came off the free list, so no reference and no call names it: it is this
+        // thread's alone.
         slot.value.with_mut(|v| unsafe { *v = Some(value) });
         // Release: who sees the reference sees the value.
         let word = slot.word.fetch_add(REFERENCE, Ordering::Release);
@@ -79,7 +86,8 @@ impl<T> Table<T> {
         (handle & 0xffff == MARK).then_some((slot, number))
     }
 
-    /// Replaces the word of the handle's slot by `change(word)` if the handle is live; `None` if it is not, or `change` refuses.
+    /// Replaces the word of the handle's slot by `change(word)` if the handle is live; `None` if it
+    /// is not, or `change` refuses.
     fn change(&self, handle: u64, change: impl Fn(u64) -> Option<u64>) -> Option<(u64, u16)> {
         let (slot, number) = self.slot(handle)?;
         let mut word = slot.word.load(Ordering::Acquire);
@@ -95,7 +103,8 @@ impl<T> Table<T> {
         }
     }
 
-    /// The object of `handle` for the time of a call; `None` if the handle is stale or was never one.
+    /// The object of `handle` for the time of a call; `None` if the handle is stale or was never
+    /// one.
     pub fn pin(&self, handle: u64) -> Option<Pinned<'_, T>> {
         let (_, number) = self.change(handle, |w| (calls(w) < COUNT).then_some(w + CALL))?;
         Some(Pinned { table: self, number })
@@ -108,18 +117,22 @@ impl<T> Table<T> {
 
     /// Drops a reference; false if the handle is stale.
     pub fn release(&self, handle: u64) -> bool {
-        let Some((word, number)) = self.change(handle, |w| Some(w - REFERENCE)) else { return false };
+        let Some((word, number)) = self.change(handle, |w| Some(w - REFERENCE)) else {
+            return false;
+        };
         self.settle(word, number);
         true
     }
 
-    /// Takes the object out if `word`, which this thread has just stored, has neither reference nor call: then no other thread can come in.
+    /// Takes the object out if `word`, which this thread has just stored, has neither reference nor
+    /// call: then no other thread can come in.
     fn settle(&self, word: u64, number: u16) {
         if references(word) > 0 || calls(word) > 0 {
             return;
         }
         let slot = &self.slots[usize::from(number)];
-        // SAFETY: without references no call can begin and none is under way, and only one step reaches zero: the slot is this thread's alone.
+        // SAFETY: without references no call can begin and none is under way, and only one step
+        // reaches zero: the slot is this thread's alone.
         let value = slot.value.with_mut(|v| unsafe { (*v).take() });
         slot.word.store(((generation(word) + 1) & 0xffff_ffff) << GENERATION, Ordering::Release);
         self.free().push(number);
@@ -134,14 +147,17 @@ impl<T> std::ops::Deref for Pinned<'_, T> {
     #[inline]
     fn deref(&self) -> &T {
         let slot = &self.table.slots[usize::from(self.number)];
-        // SAFETY: the call counts, so the value is there and nobody writes it until the guard is gone.
+        // SAFETY: the call counts, so the value is there and nobody writes it until the guard is
+        // gone.
         slot.value.with(|v| unsafe { (*v).as_ref().unwrap_unchecked() })
     }
 }
 
 impl<T> Drop for Pinned<'_, T> {
     fn drop(&mut self) {
-        let word = self.table.slots[usize::from(self.number)].word.fetch_sub(CALL, Ordering::AcqRel) - CALL;
+        let word =
+            self.table.slots[usize::from(self.number)].word.fetch_sub(CALL, Ordering::AcqRel)
+                - CALL;
         self.table.settle(word, self.number);
     }
 }
@@ -159,7 +175,9 @@ mod tests {
         assert!(table.insert("full").is_none());
         assert!(table.retain(a) && table.release(a));
         assert_eq!(*table.pin(a).unwrap(), "a");
-        assert!(table.release(a) && !table.release(a) && !table.retain(a) && table.pin(a).is_none());
+        assert!(
+            table.release(a) && !table.release(a) && !table.retain(a) && table.pin(a).is_none()
+        );
         let b = table.insert("b").unwrap();
         assert!(a != b && table.pin(a).is_none() && !table.release(a));
         assert_eq!(*table.pin(b).unwrap(), "b");

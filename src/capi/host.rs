@@ -1,10 +1,15 @@
-//! Hosts that trace and shade: their callback as a probe, with the rays of many gathers in one call.
+//! Hosts that trace and shade: their callback as a probe, with the rays of many gathers in one
+//! call.
 //!
-//! Gathers run on more threads than there are processors. Each hands its rays in and sleeps until they are answered, so that as many gathers as fit a batch wait
-//! together. The serving threads (the caller's alone, or several) take what has come together to the host. What a gather gets does not depend on its company.
+//! Gathers run on more threads than there are processors. Each hands its rays in and sleeps until
+//! they are answered, so that as many gathers as fit a batch wait together. The serving threads
+//! (the caller's alone, or several) take what has come together to the host. What a gather gets
+//! does not depend on its company.
 
 use super::status::{Fault, Outcome};
-use super::types::{LUMI_HOST_CONCURRENT, LUMI_HOST_ENV_IN_MISS, LUMI_HOST_FULL, lumi_host_desc, lumi_ray_batch};
+use super::types::{
+    LUMI_HOST_CONCURRENT, LUMI_HOST_ENV_IN_MISS, LUMI_HOST_FULL, lumi_host_desc, lumi_ray_batch,
+};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::math::{Color, Vec3};
@@ -32,7 +37,8 @@ pub(super) struct Host {
     rays: AtomicU64,
 }
 
-// SAFETY: the host's pointer is only handed back to the host's function, on the threads that its flags allow.
+// SAFETY: the host's pointer is only handed back to the host's function, on the threads that its
+// flags allow.
 unsafe impl Send for Host {}
 // SAFETY: as above.
 unsafe impl Sync for Host {}
@@ -105,10 +111,20 @@ impl Host {
             return Err(Fault::argument("host: the tracer is NULL"));
         }
         let bounds = Aabb { min: desc.bounds_min.into(), max: desc.bounds_max.into() };
-        if !(bounds.min.is_finite() && bounds.max.is_finite() && bounds.min.cmple(bounds.max).all() && bounds.diagonal() > 0.0) {
+        if !(bounds.min.is_finite()
+            && bounds.max.is_finite()
+            && bounds.min.cmple(bounds.max).all()
+            && bounds.diagonal() > 0.0)
+        {
             return Err(Fault::argument("host: the bounds are empty or no numbers"));
         }
-        Ok(Self { desc: *desc, bounds, hash: desc.scene_hash, calls: AtomicU64::new(0), rays: AtomicU64::new(0) })
+        Ok(Self {
+            desc: *desc,
+            bounds,
+            hash: desc.scene_hash,
+            calls: AtomicU64::new(0),
+            rays: AtomicU64::new(0),
+        })
     }
 
     fn has(&self, flag: u32) -> bool {
@@ -146,7 +162,8 @@ impl Host {
     /// # Errors
     /// [`Error::Host`] when the host fails or lies.
     pub fn trace(&self, rays: &Rays) -> Result<Answers> {
-        let most = if self.desc.max_batch == 0 { u32::MAX as usize } else { self.desc.max_batch as usize };
+        let most =
+            if self.desc.max_batch == 0 { u32::MAX as usize } else { self.desc.max_batch as usize };
         let mut answers = Answers::room(rays.len());
         let mut begin = 0;
         while begin < rays.len() {
@@ -172,9 +189,12 @@ impl Host {
             normal: answers.normal[range.clone()].as_mut_ptr().cast(),
             albedo: answers.albedo[range.clone()].as_mut_ptr().cast(),
         };
-        let Some(trace) = self.desc.trace else { return Err(Error::Host("there is no tracer".into())) };
-        // SAFETY: the arrays have n elements and live during the call; the host has promised to fill no more than that. A failing host unwinds no further than
-        // this `extern "C"` call.
+        let Some(trace) = self.desc.trace else {
+            return Err(Error::Host("there is no tracer".into()));
+        };
+        // SAFETY: the arrays have n elements and live during the call; the host has promised to
+        // fill no more than that. A failing host unwinds no further than this `extern "C"`
+        // call.
         let code = unsafe { trace(self.desc.user, &raw mut batch) };
         self.calls.fetch_add(1, Ordering::Relaxed);
         self.rays.fetch_add(n as u64, Ordering::Relaxed);
@@ -182,14 +202,22 @@ impl Host {
             return Err(Error::Host(format!("the host's tracer stopped with code {code}")));
         }
         if batch.n as usize != n {
-            return Err(Error::Host(format!("the host's tracer was given {n} rays and says that they are {}", batch.n)));
+            return Err(Error::Host(format!(
+                "the host's tracer was given {n} rays and says that they are {}",
+                batch.n
+            )));
         }
         range.into_iter().try_for_each(|i| self.check(answers, i, i - begin))
     }
 
-    /// Refuses answers that cannot be, and puts the others right: unit normals, albedos in their range.
+    /// Refuses answers that cannot be, and puts the others right: unit normals, albedos in their
+    /// range.
     fn check(&self, answers: &mut Answers, i: usize, number: usize) -> Result<()> {
-        let lie = |what: String| Err(Error::Host(format!("the host's tracer answered ray {number} of its batch with {what}")));
+        let lie = |what: String| {
+            Err(Error::Host(format!(
+                "the host's tracer answered ray {number} of its batch with {what}"
+            )))
+        };
         let distance = answers.distance[i];
         if distance.is_nan() || distance < 0.0 {
             return lie(format!("the distance {distance}"));
@@ -212,7 +240,10 @@ impl Host {
         }
         answers.normal[i] = normal / length;
         let albedo = answers.albedo[i];
-        if !(albedo.is_finite() && albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0 + SLACK) {
+        if !(albedo.is_finite()
+            && albedo.min_element() >= 0.0
+            && albedo.max_element() <= 1.0 + SLACK)
+        {
             return lie(format!("the albedo {albedo}"));
         }
         answers.albedo[i] = albedo.min(Color::ONE);
@@ -276,18 +307,27 @@ impl Exchange {
         self.lock().failure.take()
     }
 
-    /// Takes what has come together to the host, at once if that is a full batch and else when nothing more comes; waits for `timeout` at most. False once the exchange is closed.
+    /// Takes what has come together to the host, at once if that is a full batch and else when
+    /// nothing more comes; waits for `timeout` at most. False once the exchange is closed.
     pub fn serve(&self, host: &Host, timeout: Duration) -> bool {
         let mut waiting = self.lock();
         if waiting.requests.is_empty() && !waiting.closed {
-            waiting = self.changed.wait_timeout(waiting, timeout).unwrap_or_else(PoisonError::into_inner).0;
+            waiting = self
+                .changed
+                .wait_timeout(waiting, timeout)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
         }
         loop {
             let before = waiting.requests.len();
             if before == 0 || waiting.closed || waiting.rays >= host.preferred() {
                 break;
             }
-            waiting = self.changed.wait_timeout(waiting, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
+            waiting = self
+                .changed
+                .wait_timeout(waiting, PATIENCE)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
             if waiting.requests.len() == before {
                 break;
             }

@@ -100,10 +100,17 @@ fn stale<K: Kind>(is_null: bool) -> Fault {
 pub(super) fn borrow<K: Kind>(handle: *mut K::Opaque) -> Outcome<Borrowed<K>> {
     let pinned = OBJECTS.pin(number(handle)).ok_or_else(|| stale::<K>(handle.is_null()))?;
     let Some(object) = K::of(&pinned) else {
-        return Err(Fault::argument(format!("a {} was expected, the handle is that of a {}", K::NAME, pinned.name())));
+        return Err(Fault::argument(format!(
+            "a {} was expected, the handle is that of a {}",
+            K::NAME,
+            pinned.name()
+        )));
     };
     if object.touched().broken.load(Ordering::Acquire) {
-        return Err(Fault::operation(format!("an internal error has left the {} useless: release it", K::NAME)));
+        return Err(Fault::operation(format!(
+            "an internal error has left the {} useless: release it",
+            K::NAME
+        )));
     }
     touch(object.touched().clone());
     Ok(Borrowed { pinned, kind: PhantomData })
@@ -111,7 +118,9 @@ pub(super) fn borrow<K: Kind>(handle: *mut K::Opaque) -> Outcome<Borrowed<K>> {
 
 /// Writes a new handle of `object` to `out`.
 pub(super) fn publish<K: Kind>(object: Arc<K>, out: *mut *mut K::Opaque) -> Outcome {
-    let full = || Fault::new(LUMI_ERROR_OUT_OF_MEMORY, format!("there are {MOST_OBJECTS} objects already"));
+    let full = || {
+        Fault::new(LUMI_ERROR_OUT_OF_MEMORY, format!("there are {MOST_OBJECTS} objects already"))
+    };
     let handle = OBJECTS.insert(object.into_object()).ok_or_else(full)?;
     // SAFETY: the callers check that `out`, where the host wants the handle, is not NULL.
     unsafe { out.write(std::ptr::without_provenance_mut(handle as usize)) };
@@ -134,7 +143,10 @@ pub(super) fn retain<K: Kind>(handle: *mut K::Opaque) -> Outcome {
     if OBJECTS.retain(number(handle)) {
         Ok(())
     } else {
-        Err(Fault::operation(format!("the {} has been released meanwhile, or is retained 65535 times", K::NAME)))
+        Err(Fault::operation(format!(
+            "the {} has been released meanwhile, or is retained 65535 times",
+            K::NAME
+        )))
     }
 }
 
@@ -148,7 +160,11 @@ pub(super) fn release<K: Kind>(handle: *mut K::Opaque) -> Outcome {
 }
 
 fn check_kind<K: Kind>(object: &Object) -> Outcome {
-    K::of(object)
-        .map(|_| ())
-        .ok_or_else(|| Fault::argument(format!("a {} was expected, the handle is that of a {}", K::NAME, object.name())))
+    K::of(object).map(|_| ()).ok_or_else(|| {
+        Fault::argument(format!(
+            "a {} was expected, the handle is that of a {}",
+            K::NAME,
+            object.name()
+        ))
+    })
 }

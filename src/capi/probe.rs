@@ -14,7 +14,8 @@ const MAX_SURVIVAL: f32 = 0.95;
 /// A bound on unlimited paths.
 const LONGEST_PATH: u32 = 256;
 
-/// Sees what the host's tracer shows, and goes on behind it where no cache knows the indirect light.
+/// Sees what the host's tracer shows, and goes on behind it where no cache knows the indirect
+/// light.
 pub(super) struct HostProbe<'a> {
     pub host: &'a Host,
     pub exchange: &'a Exchange,
@@ -27,8 +28,19 @@ pub(super) struct HostProbe<'a> {
 }
 
 /// A surface point of which no more is known than where it is and how it lies.
-pub(super) fn surface_point(position: Vec3, normal: Vec3, ng: Vec3, wo: Vec3, footprint: f32) -> SurfacePoint {
-    SurfacePoint { ng: if ng.dot(normal) < 0.0 { -ng } else { ng }, wo, footprint, ..SurfacePoint::plain(position, normal) }
+pub(super) fn surface_point(
+    position: Vec3,
+    normal: Vec3,
+    ng: Vec3,
+    wo: Vec3,
+    footprint: f32,
+) -> SurfacePoint {
+    SurfacePoint {
+        ng: if ng.dot(normal) < 0.0 { -ng } else { ng },
+        wo,
+        footprint,
+        ..SurfacePoint::plain(position, normal)
+    }
 }
 
 /// A path of one ray of the bundle.
@@ -60,8 +72,15 @@ impl HostProbe<'_> {
         surface_point(p.origin + answers.distance[i] * p.dir, n, n, -p.dir, self.footprint)
     }
 
-    /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
-    pub fn next_points(&self, points: &[SurfacePoint], count: usize, bounces: u32, seed: u64) -> Vec<SurfacePoint> {
+    /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`
+    /// rays, spread evenly over the points.
+    pub fn next_points(
+        &self,
+        points: &[SurfacePoint],
+        count: usize,
+        bounces: u32,
+        seed: u64,
+    ) -> Vec<SurfacePoint> {
         if points.is_empty() {
             return Vec::new();
         }
@@ -72,11 +91,18 @@ impl HostProbe<'_> {
                 let at = from(k);
                 let dir = at.frame.to_world(square_to_cosine_hemisphere(numbers(seed)));
                 let origin = offset_origin(at.position, at.ng, dir);
-                (dir.dot(at.ng) > 0.0).then_some(Path { ray: k, origin, dir, weight: Color::ONE, seed })
+                (dir.dot(at.ng) > 0.0).then_some(Path {
+                    ray: k,
+                    origin,
+                    dir,
+                    weight: Color::ONE,
+                    seed,
+                })
             })
             .collect();
         let Some(answers) = self.trace(&paths, bounces) else { return Vec::new() };
-        let hits = |i: &usize| answers.distance[*i] < f32::INFINITY && answers.albedo[*i] != Color::ZERO;
+        let hits =
+            |i: &usize| answers.distance[*i] < f32::INFINITY && answers.albedo[*i] != Color::ZERO;
         (0..paths.len()).filter(hits).map(|i| self.hit(&paths[i], &answers, i)).collect()
     }
 }
@@ -92,7 +118,13 @@ impl RadianceProbe for HostProbe<'_> {
                 let dir = from.frame.to_world(bundle.dir_local[k]);
                 let origin = offset_origin(from.position, from.ng, dir);
                 let seed = hash(&[bundle.seed, k as u64]);
-                (dir.dot(from.ng) > 0.0).then_some(Path { ray: k, origin, dir, weight: Color::ONE, seed })
+                (dir.dot(from.ng) > 0.0).then_some(Path {
+                    ray: k,
+                    origin,
+                    dir,
+                    weight: Color::ONE,
+                    seed,
+                })
             })
             .collect();
         let first = u32::from(level) + 1;
@@ -121,7 +153,11 @@ impl RadianceProbe for HostProbe<'_> {
                 }
                 bundle.radiance[p.ray] += p.weight * answers.radiance[i];
                 let weight = p.weight * answers.albedo[i];
-                if self.host.is_full() || bounces >= self.max_bounces || bounces >= LONGEST_PATH || weight == Color::ZERO {
+                if self.host.is_full()
+                    || bounces >= self.max_bounces
+                    || bounces >= LONGEST_PATH
+                    || weight == Color::ZERO
+                {
                     continue;
                 }
                 let level = u8::try_from(bounces).unwrap_or(u8::MAX);
@@ -130,7 +166,8 @@ impl RadianceProbe for HostProbe<'_> {
                     continue;
                 }
                 let seed = hash(&[p.seed, u64::from(bounces), 1]);
-                let mut path = Path { ray: p.ray, origin: at.position, dir: Vec3::ZERO, weight, seed };
+                let mut path =
+                    Path { ray: p.ray, origin: at.position, dir: Vec3::ZERO, weight, seed };
                 if bounces >= ROULETTE_AFTER {
                     let survival = weight.max_element().min(MAX_SURVIVAL);
                     if unit_f32(hash(&[seed, 2]) as u32) >= survival {

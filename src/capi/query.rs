@@ -5,8 +5,8 @@ use super::object::borrow;
 use super::probe::surface_point;
 use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
 use super::types::{
-    LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED, LUMI_QUERY_FILL, lumi_cache,
-    lumi_query, read,
+    LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED,
+    LUMI_QUERY_FILL, lumi_cache, lumi_query, read,
 };
 use super::views::{Input, Output};
 use crate::cache::{Answer, LevelPoints, Snapshot};
@@ -63,11 +63,22 @@ impl Points {
         if !position.is_finite() || !n.is_finite() {
             return None;
         }
-        let unit =
-            |input: &Option<Input<f32, 3>>| input.as_ref().and_then(|v| v.vector(i).try_normalize()).filter(|v| v.is_finite());
+        let unit = |input: &Option<Input<f32, 3>>| {
+            input.as_ref().and_then(|v| v.vector(i).try_normalize()).filter(|v| v.is_finite())
+        };
         let footprint = self.footprint.as_ref().map_or(self.default_footprint, |f| f.get(i)[0]);
-        let footprint = if footprint.is_finite() && footprint > 0.0 { footprint } else { self.default_footprint };
-        Some(surface_point(position, n, unit(&self.geo_normal).unwrap_or(n), unit(&self.wo).unwrap_or(n), footprint))
+        let footprint = if footprint.is_finite() && footprint > 0.0 {
+            footprint
+        } else {
+            self.default_footprint
+        };
+        Some(surface_point(
+            position,
+            n,
+            unit(&self.geo_normal).unwrap_or(n),
+            unit(&self.wo).unwrap_or(n),
+            footprint,
+        ))
     }
 
     /// True if the host says from where they are looked at.
@@ -117,7 +128,14 @@ impl Answers {
 #[inline]
 fn look_up(snapshot: &Snapshot, at: &SurfacePoint) -> Option<Answer> {
     if snapshot.cache().level_count() == 0 {
-        return Some(Answer { irradiance: Color::ZERO, direct: None, error: 0.0, allowed: 0.0, records: 0, weight: 1.0 });
+        return Some(Answer {
+            irradiance: Color::ZERO,
+            direct: None,
+            error: 0.0,
+            allowed: 0.0,
+            records: 0,
+            weight: 1.0,
+        });
     }
     snapshot.lookup(at)
 }
@@ -182,17 +200,21 @@ impl CacheObject {
         let (seed, progress) = (self.settings().seed, Progress::default());
         let points = LevelPoints::scattered(points, seed).points;
         let stats = self.run(&progress, false, |exchange| {
-            self.with_probe(exchange, &progress, |probe| self.live.fill(probe, points, seed, &progress))
+            self.with_probe(exchange, &progress, |probe| {
+                self.live.fill(probe, points, seed, &progress)
+            })
         })???;
         self.counters.rays.fetch_add(stats.gather_rays, Ordering::Relaxed);
         self.counters.spent(started);
         Ok(())
     }
 
-    /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records where those serve them, else by paths.
+    /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records
+    /// where those serve them, else by paths.
     fn glossy(&self, q: &lumi_query, points: &Points, radiance: &mut Output<f32, 3>) -> Outcome {
-        let scene =
-            self.scene.own().map_err(|f| Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message)))?;
+        let scene = self.scene.own().map_err(|f| {
+            Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message))
+        })?;
         if points.wo.is_none() {
             return Err(Fault::argument("glossy radiance needs wo"));
         }
@@ -215,12 +237,17 @@ impl CacheObject {
     }
 }
 
-/// Answers for many points. Without LUMI_QUERY_FILL it never waits for another thread, and its answers depend on the records alone. With it, points that no record answers get
-/// one; which records those are depends on what other threads fill at the same time. A failing or stopping host leaves the answers that there were.
+/// Answers for many points. Without LUMI_QUERY_FILL it never waits for another thread, and its
+/// answers depend on the records alone. With it, points that no record answers get one; which
+/// records those are depends on what other threads fill at the same time. A failing or stopping
+/// host leaves the answers that there were.
 ///
 /// Threads: any. Lookups run on the calling thread; fills on the device's threads.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_query(cache: lumi_cache, query: *const lumi_query) -> lumi_error {
+pub unsafe extern "C" fn lumi_cache_query(
+    cache: lumi_cache,
+    query: *const lumi_query,
+) -> lumi_error {
     guard("lumi_cache_query", || {
         let cache = borrow::<CacheObject>(cache)?;
         cache.query(&read(query, "the query")?)

@@ -5,7 +5,9 @@ use super::describe;
 use super::device::text;
 use super::object::borrow;
 use super::status::{Fault, Outcome, guard, lumi_error};
-use super::types::{LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, lumi_cache, lumi_layer, lumi_render_desc, read};
+use super::types::{
+    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, lumi_cache, lumi_layer, lumi_render_desc, read,
+};
 use super::views::Output;
 use crate::camera::{Camera, Projection};
 use crate::error::Error;
@@ -19,14 +21,20 @@ const MOST_LAYERS: usize = 256;
 fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
     let positive = desc.yfov.is_finite() && desc.yfov > 0.0;
     let projection = if desc.flags & LUMI_RENDER_ORTHOGRAPHIC != 0 {
-        let aspect = if desc.aspect == 0.0 { desc.width as f32 / desc.height as f32 } else { desc.aspect };
+        let aspect =
+            if desc.aspect == 0.0 { desc.width as f32 / desc.height as f32 } else { desc.aspect };
         if !(positive && aspect.is_finite() && aspect > 0.0) {
-            return Err(Fault::argument("render: the size of the orthographic camera is not positive"));
+            return Err(Fault::argument(
+                "render: the size of the orthographic camera is not positive",
+            ));
         }
         Projection::Orthographic { xmag: desc.yfov * aspect, ymag: desc.yfov }
     } else {
         if !(positive && desc.yfov < std::f32::consts::PI) {
-            return Err(Fault::argument(format!("render: yfov is {}, expected a positive angle below pi", desc.yfov)));
+            return Err(Fault::argument(format!(
+                "render: yfov is {}, expected a positive angle below pi",
+                desc.yfov
+            )));
         }
         Projection::Perspective { yfov: desc.yfov }
     };
@@ -35,7 +43,11 @@ fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
 }
 
 /// The layers that the host wants, and their room.
-fn wanted(layers: *const lumi_layer, count: usize, samples: usize) -> Outcome<Vec<(&'static Layer, Output<f32, 1>)>> {
+fn wanted(
+    layers: *const lumi_layer,
+    count: usize,
+    samples: usize,
+) -> Outcome<Vec<(&'static Layer, Output<f32, 1>)>> {
     if count > MOST_LAYERS || (layers.is_null() && count > 0) {
         return Err(Fault::argument(format!("render: {count} layers at {layers:?}")));
     }
@@ -48,11 +60,21 @@ fn wanted(layers: *const lumi_layer, count: usize, samples: usize) -> Outcome<Ve
             .find(|l| l.name == name)
             .ok_or_else(|| Fault::argument(format!("render: there is no layer `{name}`")))?;
         if layer.channels.len() != wanted.channels as usize {
-            let what = format!("render: the layer `{name}` has {} channels, not {}", layer.channels.len(), wanted.channels);
+            let what = format!(
+                "render: the layer `{name}` has {} channels, not {}",
+                layer.channels.len(),
+                wanted.channels
+            );
             return Err(Fault::argument(what));
         }
-        let room = Output::new(wanted.data, samples * layer.channels.len(), 0, "the room of a layer")?;
-        Ok((layer, room.ok_or_else(|| Fault::argument(format!("render: the room of the layer `{name}` is NULL")))?))
+        let room =
+            Output::new(wanted.data, samples * layer.channels.len(), 0, "the room of a layer")?;
+        Ok((
+            layer,
+            room.ok_or_else(|| {
+                Fault::argument(format!("render: the room of the layer `{name}` is NULL"))
+            })?,
+        ))
     };
     (0..count).map(one).collect()
 }
@@ -60,14 +82,26 @@ fn wanted(layers: *const lumi_layer, count: usize, samples: usize) -> Outcome<Ve
 impl CacheObject {
     fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
         let known = LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC;
-        if desc.flags & !known != 0 || desc.width == 0 || desc.height == 0 || desc.width > 1 << 16 || desc.height > 1 << 16 {
-            return Err(Fault::argument(format!("render: {} x {} pixels, flags {:#x}", desc.width, desc.height, desc.flags)));
+        if desc.flags & !known != 0
+            || desc.width == 0
+            || desc.height == 0
+            || desc.width > 1 << 16
+            || desc.height > 1 << 16
+        {
+            return Err(Fault::argument(format!(
+                "render: {} x {} pixels, flags {:#x}",
+                desc.width, desc.height, desc.flags
+            )));
         }
         let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
         let settings = Settings {
-            integrator: if desc.flags & LUMI_RENDER_PATH != 0 { IntegratorKind::Path } else { IntegratorKind::Cache },
+            integrator: if desc.flags & LUMI_RENDER_PATH != 0 {
+                IntegratorKind::Path
+            } else {
+                IntegratorKind::Cache
+            },
             scheme: made_by.scheme,
             camera: camera(desc)?,
             size: [desc.width, desc.height],
@@ -85,12 +119,22 @@ impl CacheObject {
             None => Caches::new(scene, &settings.scheme, settings.max_bounces, Some(before)),
         };
         let frame = self.run(&progress, true, |_| {
-            render::frame_with(scene, &settings, Some(before), &progress, &mut Clock::default(), &mut |_, _| ())
+            render::frame_with(
+                scene,
+                &settings,
+                Some(before),
+                &progress,
+                &mut Clock::default(),
+                &mut |_, _| (),
+            )
         })??;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {
-                samples.iter().enumerate().for_each(|(i, x)| room.set(i * channels.len() + c, [*x]));
+                samples
+                    .iter()
+                    .enumerate()
+                    .for_each(|(i, x)| room.set(i * channels.len() + c, [*x]));
             }
         }
         if frame.cancelled {
@@ -103,8 +147,10 @@ impl CacheObject {
     }
 }
 
-/// Renders a picture of a scene of our own as the command line does: indirect light of diffuse surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled where the camera needs it; everything else by paths. The
-/// records are kept, unless the cache is frozen. Cancelled, the layers hold the samples so far.
+/// Renders a picture of a scene of our own as the command line does: indirect light of diffuse
+/// surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled
+/// where the camera needs it; everything else by paths. The records are kept, unless the cache is
+/// frozen. Cancelled, the layers hold the samples so far.
 ///
 /// `layers`: `count` layers with room for their samples.
 ///

@@ -7,8 +7,8 @@ use super::object::{Borrowed, borrow, clear, publish, release, retain};
 use super::probe::surface_point;
 use super::status::{Fault, Outcome, Touched, guard, guard_void, lumi_error};
 use super::types::{
-    LUMI_VIEW_SHARED, lumi_device, lumi_host_desc, lumi_light_desc, lumi_material_desc, lumi_mesh_desc, lumi_scene,
-    lumi_scene_info, lumi_texture_desc, lumi_trace_desc, read, write,
+    LUMI_VIEW_SHARED, lumi_device, lumi_host_desc, lumi_light_desc, lumi_material_desc,
+    lumi_mesh_desc, lumi_scene, lumi_scene_info, lumi_texture_desc, lumi_trace_desc, read, write,
 };
 use super::views::{Input, Output};
 use crate::accel::Ray;
@@ -88,7 +88,9 @@ impl SceneObject {
     pub fn own(&self) -> Outcome<&Scene> {
         match &self.committed()?.world {
             World::Own(scene) => Ok(scene),
-            World::Host(_) => Err(Fault::operation("the host keeps this scene: the library cannot trace it by itself")),
+            World::Host(_) => Err(Fault::operation(
+                "the host keeps this scene: the library cannot trace it by itself",
+            )),
         }
     }
 
@@ -143,7 +145,9 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
         data.geometry.meshes.extend(parts.into_iter().map(Arc::new));
     }
     for (mesh, to_world) in &draft.instances {
-        data.geometry.instances.extend(numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }));
+        data.geometry.instances.extend(
+            numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }),
+        );
     }
     let (hashes, hash) = (data.hashes(), data.hash());
     let (scene, warnings) = Scene::new(data, device.backend)?;
@@ -151,7 +155,8 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
 }
 
-/// Makes an empty scene; the caller owns a reference to it. Describe it or read it from a file, then commit it.
+/// Makes an empty scene; the caller owns a reference to it. Describe it or read it from a file,
+/// then commit it.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -160,7 +165,15 @@ pub unsafe extern "C" fn lumi_scene_new(device: lumi_device, out: *mut lumi_scen
         clear(out)?;
         let device = borrow::<DeviceObject>(device)?.arc().clone();
         let touched = Touched { log: device.touched.log.clone(), broken: Arc::default() };
-        publish(Arc::new(SceneObject { touched, device, draft: Mutex::default(), committed: OnceLock::new() }), out)
+        publish(
+            Arc::new(SceneObject {
+                touched,
+                device,
+                draft: Mutex::default(),
+                committed: OnceLock::new(),
+            }),
+            out,
+        )
     })
 }
 
@@ -186,19 +199,28 @@ pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_load_gltf(scene: lumi_scene, path: *const c_char) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_load_gltf(
+    scene: lumi_scene,
+    path: *const c_char,
+) -> lumi_error {
     guard("lumi_scene_load_gltf", || {
         let scene = borrow::<SceneObject>(scene)?;
         let path = text(path, "path")?;
         let mut draft = scene.draft()?;
         let data = &draft.data;
-        if !(data.geometry.meshes.is_empty() && data.materials.is_empty() && data.textures.is_empty() && draft.meshes.is_empty())
+        if !(data.geometry.meshes.is_empty()
+            && data.materials.is_empty()
+            && data.textures.is_empty()
+            && draft.meshes.is_empty())
         {
-            return Err(Fault::operation("the scene is not empty: read the file before anything else"));
+            return Err(Fault::operation(
+                "the scene is not empty: read the file before anything else",
+            ));
         }
         let lights = std::mem::take(&mut draft.data.punctual);
         let environment = draft.data.environment.take();
-        let loaded = scene.device.pool.install(|| import::gltf(Path::new(path), &ImportOptions::default()));
+        let loaded =
+            scene.device.pool.install(|| import::gltf(Path::new(path), &ImportOptions::default()));
         match loaded {
             Ok(data) => {
                 draft.data = data;
@@ -220,15 +242,29 @@ pub unsafe extern "C" fn lumi_scene_load_gltf(scene: lumi_scene, path: *const c_
 ///
 /// Threads: one per scene. Buffers are copied, unless their view says LUMI_VIEW_SHARED.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_add_mesh(scene: lumi_scene, mesh: *const lumi_mesh_desc, id: *mut u32) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_add_mesh(
+    scene: lumi_scene,
+    mesh: *const lumi_mesh_desc,
+    id: *mut u32,
+) -> lumi_error {
     guard("lumi_scene_add_mesh", || {
         let scene = borrow::<SceneObject>(scene)?;
         let desc = read(mesh, "the mesh")?;
         let mut draft = scene.draft()?;
-        let views = [desc.positions, desc.indices, desc.normals, desc.uv0, desc.colors, desc.triangle_materials];
+        let views = [
+            desc.positions,
+            desc.indices,
+            desc.normals,
+            desc.uv0,
+            desc.colors,
+            desc.triangle_materials,
+        ];
         let shared = views.iter().any(|v| v.flags & LUMI_VIEW_SHARED != 0);
-        let described =
-            if shared { Described::Shared(desc) } else { Described::Ready(describe::meshes(&desc, draft.data.materials.len())?) };
+        let described = if shared {
+            Described::Shared(desc)
+        } else {
+            Described::Ready(describe::meshes(&desc, draft.data.materials.len())?)
+        };
         draft.meshes.push(described);
         give(id, draft.meshes.len())
     })
@@ -245,16 +281,24 @@ fn give(id: *mut u32, count: usize) -> Outcome {
 
 /// Places a mesh that lumi_scene_add_mesh has numbered.
 ///
-/// `to_world`: 12 floats: the x, y and z axis and the origin of the mesh in the world, three each; may mirror. NULL: where it is.
+/// `to_world`: 12 floats: the x, y and z axis and the origin of the mesh in the world, three each;
+/// may mirror. NULL: where it is.
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_add_instance(scene: lumi_scene, mesh: u32, to_world: *const f32) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_add_instance(
+    scene: lumi_scene,
+    mesh: u32,
+    to_world: *const f32,
+) -> lumi_error {
     guard("lumi_scene_add_instance", || {
         let scene = borrow::<SceneObject>(scene)?;
         let mut draft = scene.draft()?;
         if mesh as usize >= draft.meshes.len() {
-            return Err(Fault::argument(format!("there is no mesh {mesh}: there are {}", draft.meshes.len())));
+            return Err(Fault::argument(format!(
+                "there is no mesh {mesh}: there are {}",
+                draft.meshes.len()
+            )));
         }
         let to_world = match Input::<f32, 12>::new(to_world, 1, 0, "to_world")? {
             Some(floats) => describe::transform(&floats.get(0), "to_world")?,
@@ -265,7 +309,8 @@ pub unsafe extern "C" fn lumi_scene_add_instance(scene: lumi_scene, mesh: u32, t
     })
 }
 
-/// Fills `material` with the defaults: diffuse grey of albedo 0.8 under a dielectric of roughness 0.5, no textures.
+/// Fills `material` with the defaults: diffuse grey of albedo 0.8 under a dielectric of roughness
+/// 0.5, no textures.
 ///
 /// `material`: its struct_size is set too.
 ///
@@ -276,7 +321,8 @@ pub unsafe extern "C" fn lumi_material_init(material: *mut lumi_material_desc) -
         if material.is_null() {
             return Err(Fault::argument("the material is NULL"));
         }
-        // SAFETY: not NULL; the caller passes room for the first version of the struct, which is what is written.
+        // SAFETY: not NULL; the caller passes room for the first version of the struct, which is
+        // what is written.
         unsafe { material.write_unaligned(describe::default_material()) };
         Ok(())
     })
@@ -296,7 +342,8 @@ pub unsafe extern "C" fn lumi_scene_add_material(
     guard("lumi_scene_add_material", || {
         let scene = borrow::<SceneObject>(scene)?;
         let mut draft = scene.draft()?;
-        let material = describe::material(&read(material, "the material")?, draft.data.textures.len())?;
+        let material =
+            describe::material(&read(material, "the material")?, draft.data.textures.len())?;
         draft.data.materials.push(material);
         give(id, draft.data.materials.len())
     })
@@ -325,7 +372,10 @@ pub unsafe extern "C" fn lumi_scene_add_texture(
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_add_light(scene: lumi_scene, light: *const lumi_light_desc) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_add_light(
+    scene: lumi_scene,
+    light: *const lumi_light_desc,
+) -> lumi_error {
     guard("lumi_scene_add_light", || {
         let scene = borrow::<SceneObject>(scene)?;
         let mut draft = scene.draft()?;
@@ -334,10 +384,13 @@ pub unsafe extern "C" fn lumi_scene_add_light(scene: lumi_scene, light: *const l
     })
 }
 
-/// Sets the light from infinity, an equirectangular map; a map of one pixel is the same from everywhere.
+/// Sets the light from infinity, an equirectangular map; a map of one pixel is the same from
+/// everywhere.
 ///
-/// `rgb`: 3 * width * height floats, row by row from the zenith (+y); copied. NaN and negative values count as 0. NULL: no environment.
-/// `to_map`: 9 floats, the columns of the rotation from the world to the map; NULL: none, and the middle column of the map is seen along +x, +z to its right.
+/// `rgb`: 3 * width * height floats, row by row from the zenith (+y); copied. NaN and negative
+/// values count as 0. NULL: no environment. `to_map`: 9 floats, the columns of the rotation from
+/// the world to the map; NULL: none, and the middle column of the map is seen along +x, +z to its
+/// right.
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
@@ -357,45 +410,59 @@ pub unsafe extern "C" fn lumi_scene_set_environment(
         }
         let count = width as usize * height as usize;
         if count == 0 || count > 1 << 28 {
-            return Err(Fault::argument(format!("an environment of {width} x {height} pixels is not possible")));
+            return Err(Fault::argument(format!(
+                "an environment of {width} x {height} pixels is not possible"
+            )));
         }
         let pixels = Input::<f32, 3>::required(rgb, count, 0, "rgb")?;
         let rotation = match Input::<f32, 9>::new(to_map, 1, 0, "to_map")? {
             Some(floats) => Mat3::from_cols_array(&floats.get(0)),
             None => Mat3::IDENTITY,
         };
-        let error =
-            (rotation * rotation.transpose() - Mat3::IDENTITY).to_cols_array().iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+        let error = (rotation * rotation.transpose() - Mat3::IDENTITY)
+            .to_cols_array()
+            .iter()
+            .fold(0.0_f32, |a, x| a.max(x.abs()));
         if !rotation.is_finite() || error > 1e-3 {
             return Err(Fault::argument("to_map is no rotation"));
         }
         let pixels = pixels.iter().map(Color::from).collect();
         let from_world = Affine3A::from_mat3(rotation);
-        draft.data.environment = Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world });
+        draft.data.environment =
+            Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world });
         Ok(())
     })
 }
 
 /// Says that the host keeps geometry and shading; the scene must be empty and stays so.
 ///
-/// Threads: one per scene. `host->user` must stay valid until the last cache of the scene is released.
+/// Threads: one per scene. `host->user` must stay valid until the last cache of the scene is
+/// released.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_set_host(scene: lumi_scene, host: *const lumi_host_desc) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_set_host(
+    scene: lumi_scene,
+    host: *const lumi_host_desc,
+) -> lumi_error {
     guard("lumi_scene_set_host", || {
         let scene = borrow::<SceneObject>(scene)?;
         let mut draft = scene.draft()?;
         let data = &draft.data;
-        let empty =
-            data.geometry.meshes.is_empty() && data.materials.is_empty() && data.textures.is_empty() && draft.meshes.is_empty();
+        let empty = data.geometry.meshes.is_empty()
+            && data.materials.is_empty()
+            && data.textures.is_empty()
+            && draft.meshes.is_empty();
         if !empty || !data.punctual.is_empty() || data.environment.is_some() {
-            return Err(Fault::operation("the scene has geometry, materials or lights: it is not the host's"));
+            return Err(Fault::operation(
+                "the scene has geometry, materials or lights: it is not the host's",
+            ));
         }
         draft.host = Some(Host::new(&read(host, "the host")?)?);
         Ok(())
     })
 }
 
-/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure it is as before. A scene without any light gets a neutral dome, and the log says so.
+/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure it is as
+/// before. A scene without any light gets a neutral dome, and the log says so.
 ///
 /// Threads: one per scene; the work is done on the device's threads.
 #[unsafe(no_mangle)]
@@ -415,12 +482,17 @@ fn c_text<const N: usize>(text: &str) -> [c_char; N] {
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_get_info(scene: lumi_scene, info: *mut lumi_scene_info) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_get_info(
+    scene: lumi_scene,
+    info: *mut lumi_scene_info,
+) -> lumi_error {
     guard("lumi_scene_get_info", || {
         let scene = borrow::<SceneObject>(scene)?;
         let committed = scene.committed()?;
         let (triangles, cameras, backend) = match &committed.world {
-            World::Own(s) => (s.geometry().triangle_count(), s.cameras().len(), s.accel().version()),
+            World::Own(s) => {
+                (s.geometry().triangle_count(), s.cameras().len(), s.accel().version())
+            }
             World::Host(_) => (0, 0, "host".to_owned()),
         };
         let value = lumi_scene_info {
@@ -441,7 +513,10 @@ pub unsafe extern "C" fn lumi_scene_get_info(scene: lumi_scene, info: *mut lumi_
 ///
 /// Threads: any; the work is done on the calling thread.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_trace(scene: lumi_scene, rays: *const lumi_trace_desc) -> lumi_error {
+pub unsafe extern "C" fn lumi_scene_trace(
+    scene: lumi_scene,
+    rays: *const lumi_trace_desc,
+) -> lumi_error {
     guard("lumi_scene_trace", || {
         let object: Borrowed<SceneObject> = borrow(scene)?;
         let desc = read(rays, "the rays")?;
@@ -463,15 +538,19 @@ pub unsafe extern "C" fn lumi_scene_trace(scene: lumi_scene, rays: *const lumi_t
                 let albedo = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
                 (point, t / length, albedo)
             });
-            let missed: SurfacePoint = surface_point(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
+            let missed: SurfacePoint =
+                surface_point(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
             let (point, t, color) = found.unwrap_or((missed, f32::INFINITY, Color::ZERO));
             let n = if t == f32::INFINITY { Vec3::ZERO } else { point.frame.n };
             if let Some(o) = &mut distance {
                 o.set(i, [t]);
             }
-            for (out, value) in
-                [(&mut position, point.position), (&mut normal, n), (&mut geo_normal, point.ng), (&mut albedo, color)]
-            {
+            for (out, value) in [
+                (&mut position, point.position),
+                (&mut normal, n),
+                (&mut geo_normal, point.ng),
+                (&mut albedo, color),
+            ] {
                 if let Some(o) = out {
                     o.set(i, value.to_array());
                 }

@@ -1,4 +1,5 @@
-//! Error codes, the message of each thread, and the guard through which every exported function goes.
+//! Error codes, the message of each thread, and the guard through which every exported function
+//! goes.
 
 use crate::error::Error;
 use std::cell::RefCell;
@@ -14,7 +15,8 @@ pub type lumi_error = i32;
 pub const LUMI_OK: lumi_error = 0;
 /// Something outside the library failed: threads, the ray tracer.
 pub const LUMI_ERROR_UNKNOWN: lumi_error = 1;
-/// An argument is outside its range: NULL, a released handle or one of another kind, a number that is none.
+/// An argument is outside its range: NULL, a released handle or one of another kind, a number that
+/// is none.
 pub const LUMI_ERROR_INVALID_ARGUMENT: lumi_error = 2;
 /// The object is not in a state in which this can be done.
 pub const LUMI_ERROR_INVALID_OPERATION: lumi_error = 3;
@@ -30,7 +32,8 @@ pub const LUMI_ERROR_IO: lumi_error = 7;
 pub const LUMI_ERROR_CORRUPT_FILE: lumi_error = 8;
 /// A cache file is sound, but was made for another scene or under other settings.
 pub const LUMI_ERROR_STALE_CACHE: lumi_error = 9;
-/// The versions of header and library do not go together, or a struct is shorter than the first version of it.
+/// The versions of header and library do not go together, or a struct is shorter than the first
+/// version of it.
 pub const LUMI_ERROR_VERSION: lumi_error = 10;
 /// The host's callback failed or answered what cannot be.
 pub const LUMI_ERROR_HOST_CALLBACK: lumi_error = 11;
@@ -44,8 +47,16 @@ pub const LUMI_LOG_WARNING: i32 = 1;
 /// Severity of a log message: a function has failed.
 pub const LUMI_LOG_ERROR: i32 = 2;
 
-/// Takes messages. Called on the thread whose call is reported; it must not call the library for that device.
-pub type lumi_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, severity: i32, code: lumi_error, message: *const c_char)>;
+/// Takes messages. Called on the thread whose call is reported; it must not call the library for
+/// that device.
+pub type lumi_log_fn = Option<
+    unsafe extern "C" fn(
+        user: *mut c_void,
+        severity: i32,
+        code: lumi_error,
+        message: *const c_char,
+    ),
+>;
 
 /// A failed call: code and message.
 #[derive(Debug)]
@@ -78,7 +89,9 @@ impl From<Error> for Fault {
             Error::Unsupported { .. } => LUMI_ERROR_UNSUPPORTED,
             Error::Cancelled => LUMI_ERROR_CANCELLED,
             Error::Io { .. } => LUMI_ERROR_IO,
-            Error::Corrupt { .. } | Error::Scene { .. } | Error::Image { .. } => LUMI_ERROR_CORRUPT_FILE,
+            Error::Corrupt { .. } | Error::Scene { .. } | Error::Image { .. } => {
+                LUMI_ERROR_CORRUPT_FILE
+            }
             Error::Stale { .. } => LUMI_ERROR_STALE_CACHE,
             Error::Host(_) => LUMI_ERROR_HOST_CALLBACK,
             Error::Device(what) if what.contains("out of memory") => LUMI_ERROR_OUT_OF_MEMORY,
@@ -97,7 +110,8 @@ impl Log {
     }
 
     pub fn set(&self, callback: lumi_log_fn, user: *mut c_void) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = (callback, user.expose_provenance());
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
+            (callback, user.expose_provenance());
     }
 
     /// Hands a message to the host, if it listens.
@@ -105,8 +119,11 @@ impl Log {
         let (callback, user) = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(callback) = callback {
             let text = c_string(message);
-            // SAFETY: the host has given a function of this type and a pointer for it; the text ends in NUL and lives during the call. No lock is held.
-            unsafe { callback(std::ptr::with_exposed_provenance_mut(user), severity, code, text.as_ptr()) };
+            // SAFETY: the host has given a function of this type and a pointer for it; the text
+            // ends in NUL and lives during the call. No lock is held.
+            unsafe {
+                callback(std::ptr::with_exposed_provenance_mut(user), severity, code, text.as_ptr())
+            };
         }
     }
 }
@@ -136,9 +153,12 @@ fn c_string(text: &str) -> CString {
     CString::new(text.replace('\0', "\u{fffd}")).unwrap_or_default()
 }
 
-/// Runs `f` on what the thread remembers; nothing when the thread is about to end, or calls the library from inside such a call.
+/// Runs `f` on what the thread remembers; nothing when the thread is about to end, or calls the
+/// library from inside such a call.
 fn thread<R: Default>(f: impl FnOnce(&mut Thread) -> R) -> R {
-    THREAD.try_with(|t| t.try_borrow_mut().map_or_else(|_| R::default(), |mut t| f(&mut t))).unwrap_or_default()
+    THREAD
+        .try_with(|t| t.try_borrow_mut().map_or_else(|_| R::default(), |mut t| f(&mut t)))
+        .unwrap_or_default()
 }
 
 /// Notes that the call under way works on an object.
@@ -146,7 +166,8 @@ pub(super) fn touch(what: Touched) {
     thread(|t| t.touched.push(what));
 }
 
-/// Runs the inside of an exported function: no panic leaves it, and its failure becomes the thread's.
+/// Runs the inside of an exported function: no panic leaves it, and its failure becomes the
+/// thread's.
 pub(super) fn guard(name: &'static str, inside: impl FnOnce() -> Outcome) -> lumi_error {
     // A callback of the host may call the library again: the outer call's list waits meanwhile.
     let outer = thread(|t| std::mem::take(&mut t.touched));
@@ -157,7 +178,10 @@ pub(super) fn guard(name: &'static str, inside: impl FnOnce() -> Outcome) -> lum
         Ok(Err(fault)) => fault,
         Err(panic) => {
             touched.iter().for_each(|t| t.broken.store(true, Ordering::Release));
-            let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned()).or_else(|| panic.downcast_ref::<String>().cloned());
+            let text = panic
+                .downcast_ref::<&str>()
+                .map(|s| (*s).to_owned())
+                .or_else(|| panic.downcast_ref::<String>().cloned());
             // Dropping what was thrown could throw again.
             std::mem::forget(panic);
             Fault::new(LUMI_ERROR_INTERNAL, format!("internal error: {}", text.unwrap_or_default()))
@@ -178,9 +202,11 @@ pub(super) fn guard_void(name: &'static str, inside: impl FnOnce() -> Outcome) {
     guard(name, inside);
 }
 
-/// The code of the first failed call on this thread since the last call of this function, LUMI_OK without one; then it is forgotten.
+/// The code of the first failed call on this thread since the last call of this function, LUMI_OK
+/// without one; then it is forgotten.
 ///
-/// `message`: receives a text that says what failed and why, "" without a failure; it lives until the thread calls this function again or ends. May be NULL.
+/// `message`: receives a text that says what failed and why, "" without a failure; it lives until
+/// the thread calls this function again or ends. May be NULL.
 ///
 /// Threads: any. Every thread has errors of its own.
 #[unsafe(no_mangle)]
@@ -219,9 +245,16 @@ mod tests {
     #[test]
     fn the_first_failure_is_kept_until_it_is_asked_for() {
         assert_eq!(guard("lumi_a", || Err(Fault::argument("first"))), LUMI_ERROR_INVALID_ARGUMENT);
-        assert_eq!(guard("lumi_b", || Err(Fault::operation("second"))), LUMI_ERROR_INVALID_OPERATION);
+        assert_eq!(
+            guard("lumi_b", || Err(Fault::operation("second"))),
+            LUMI_ERROR_INVALID_OPERATION
+        );
         assert_eq!(guard("lumi_c", || Ok(())), LUMI_OK);
-        assert_eq!(std::thread::spawn(last).join().unwrap(), (LUMI_OK, String::new()), "another thread has no error");
+        assert_eq!(
+            std::thread::spawn(last).join().unwrap(),
+            (LUMI_OK, String::new()),
+            "another thread has no error"
+        );
         assert_eq!(last(), (LUMI_ERROR_INVALID_ARGUMENT, "lumi_a: first".into()));
         assert_eq!(last(), (LUMI_OK, String::new()));
     }
@@ -237,7 +270,9 @@ mod tests {
         });
         assert_eq!(code, LUMI_ERROR_INTERNAL);
         assert_eq!(last().1, "lumi_a: internal error: of the test");
-        assert!(touched.broken.load(Ordering::Acquire) && !untouched.broken.load(Ordering::Acquire));
+        assert!(
+            touched.broken.load(Ordering::Acquire) && !untouched.broken.load(Ordering::Acquire)
+        );
         thread(|t| t.touched.clear());
     }
 }

@@ -1,4 +1,5 @@
-//! The primitives under [`handles`](super::handles), so that a model checker can put its own in their place: `tests/loom` does.
+//! The primitives under [`handles`](super::handles), so that a model checker can put its own in
+//! their place: `tests/loom` does.
 
 pub use std::sync::Mutex;
 pub use std::sync::atomic::{AtomicU64, Ordering};

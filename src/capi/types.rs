@@ -3,7 +3,8 @@
 use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, LUMI_ERROR_VERSION, Outcome};
 use std::ffi::{c_char, c_void};
 
-/// The version of this header: major << 16 | minor. A minor version only adds functions, or fields at the end of structs.
+/// The version of this header: major << 16 | minor. A minor version only adds functions, or fields
+/// at the end of structs.
 pub const LUMI_ABI_VERSION: u32 = 0x0001_0000;
 
 /// A library in use: its threads, its ray tracer and its log.
@@ -30,8 +31,10 @@ pub const LUMI_FORMAT_U32: u32 = 17;
 /// Format of a view: three unsigned integers per element.
 pub const LUMI_FORMAT_U32X3: u32 = 19;
 
-/// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all caches of it are released. lumi_scene_commit reads it; dense and aligned positions and indices of meshes with one material are not copied, other
-/// arrays are. Without the flag everything is copied at once.
+/// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all caches of
+/// it are released. lumi_scene_commit reads it; dense and aligned positions and indices of meshes
+/// with one material are not copied, other arrays are. Without the flag everything is copied at
+/// once.
 pub const LUMI_VIEW_SHARED: u32 = 1;
 
 /// An array in the host's memory. All zero: not there.
@@ -64,7 +67,8 @@ pub struct lumi_mesh_desc {
     pub indices: lumi_view,
     /// LUMI_FORMAT_F32X3 per vertex; without them the mesh is flat. They are normalised.
     pub normals: lumi_view,
-    /// LUMI_FORMAT_F32X2 per vertex: texture coordinates, (0, 0) at the first pixel of the first row.
+    /// LUMI_FORMAT_F32X2 per vertex: texture coordinates, (0, 0) at the first pixel of the first
+    /// row.
     pub uv0: lumi_view,
     /// LUMI_FORMAT_F32X4 per vertex: linear RGBA, multiplied into the base colour.
     pub colors: lumi_view,
@@ -107,7 +111,8 @@ pub struct lumi_material_desc {
     pub roughness: f32,
     /// Index of refraction, at least 1.
     pub ior: f32,
-    /// Strength of the dielectric reflection, 0 to 1; 0 leaves a purely diffuse surface when metallic is 0.
+    /// Strength of the dielectric reflection, 0 to 1; 0 leaves a purely diffuse surface when
+    /// metallic is 0.
     pub specular: f32,
     /// Share of the body that transmits, 0 to 1; thin-walled.
     pub transmission: f32,
@@ -130,7 +135,8 @@ pub const LUMI_WRAP_MIRROR: u32 = 1;
 /// Wrapping of a texture: the border continues.
 pub const LUMI_WRAP_CLAMP: u32 = 2;
 
-/// An image with 8-bit RGBA pixels. Whether they are sRGB or linear is decided by the material's use of it.
+/// An image with 8-bit RGBA pixels. Whether they are sRGB or linear is decided by the material's
+/// use of it.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_texture_desc {
@@ -179,15 +185,17 @@ pub struct lumi_light_desc {
     pub cos_outer: f32,
 }
 
-/// Flag of a host: the callback may run on any thread, on several at once. Without it it runs only on the thread that called the library.
+/// Flag of a host: the callback may run on any thread, on several at once. Without it it runs only
+/// on the thread that called the library.
 pub const LUMI_HOST_CONCURRENT: u32 = 1;
 /// Flag of a host: `radiance` has light of all bounces, so the library follows no path further.
 pub const LUMI_HOST_FULL: u32 = 2;
-/// Flag of a host: rays that miss bring their `radiance`, from an environment that the host leaves out of its own direct light. Without it they bring nothing.
+/// Flag of a host: rays that miss bring their `radiance`, from an environment that the host leaves
+/// out of its own direct light. Without it they bring nothing.
 pub const LUMI_HOST_ENV_IN_MISS: u32 = 4;
 
-/// Rays that the host traces and shades. The library sets the pointers and `n`; the host fills the four arrays that are not const, changes nothing else, and keeps no
-/// pointer.
+/// Rays that the host traces and shades. The library sets the pointers and `n`; the host fills the
+/// four arrays that are not const, changes nothing else, and keeps no pointer.
 #[repr(C)]
 pub struct lumi_ray_batch {
     /// sizeof(lumi_ray_batch).
@@ -200,22 +208,28 @@ pub struct lumi_ray_batch {
     pub dir: *const f32,
     /// n numbers: surfaces that the path has met before this ray, the camera's counted.
     pub bounce: *const u32,
-    /// n seeds for the host's random choices. Answers that depend on them and the rays alone make caches reproducible.
+    /// n seeds for the host's random choices. Answers that depend on them and the rays alone make
+    /// caches reproducible.
     pub seed: *const u32,
-    /// 3 n floats, zero at first: light that the surface at the hit reflects against the ray, having come to it straight from sources (from everywhere with LUMI_HOST_FULL).
-    /// What the surface emits itself is left out.
+    /// 3 n floats, zero at first: light that the surface at the hit reflects against the ray,
+    /// having come to it straight from sources (from everywhere with LUMI_HOST_FULL). What the
+    /// surface emits itself is left out.
     pub radiance: *mut f32,
     /// n floats, INFINITY at first: distance of the hit.
     pub distance: *mut f32,
-    /// 3 n floats, zero at first: unit shading normal at the hit, on either side. Required without LUMI_HOST_FULL; with it, better gradients.
+    /// 3 n floats, zero at first: unit shading normal at the hit, on either side. Required without
+    /// LUMI_HOST_FULL; with it, better gradients.
     pub normal: *mut f32,
-    /// 3 n floats, zero at first: albedo of the diffuse lobe at the hit, 0 to 1. Unused with LUMI_HOST_FULL.
+    /// 3 n floats, zero at first: albedo of the diffuse lobe at the hit, 0 to 1. Unused with
+    /// LUMI_HOST_FULL.
     pub albedo: *mut f32,
 }
 
-/// The host's tracer and shader. 0: go on; anything else ends the call of the library with LUMI_ERROR_HOST_CALLBACK. No lock is held meanwhile. It may look up
-/// caches, but must not build, fill, load, commit or release the cache or scene that is being worked on.
-pub type lumi_trace_fn = Option<unsafe extern "C" fn(user: *mut c_void, batch: *mut lumi_ray_batch) -> i32>;
+/// The host's tracer and shader. 0: go on; anything else ends the call of the library with
+/// LUMI_ERROR_HOST_CALLBACK. No lock is held meanwhile. It may look up caches, but must not build,
+/// fill, load, commit or release the cache or scene that is being worked on.
+pub type lumi_trace_fn =
+    Option<unsafe extern "C" fn(user: *mut c_void, batch: *mut lumi_ray_batch) -> i32>;
 
 /// A host that keeps geometry and shading to itself.
 #[repr(C)]
@@ -225,7 +239,8 @@ pub struct lumi_host_desc {
     pub struct_size: u32,
     /// LUMI_HOST_*.
     pub flags: u32,
-    /// Rays that a call should have, to be worth its while; 0: 65536. Fewer come when there are no more.
+    /// Rays that a call should have, to be worth its while; 0: 65536. Fewer come when there are no
+    /// more.
     pub preferred_batch: u32,
     /// Most rays of a call; 0: no bound.
     pub max_batch: u32,
@@ -277,7 +292,8 @@ pub struct lumi_trace_desc {
     pub origin: *const f32,
     /// 3 n floats, any length but zero.
     pub dir: *const f32,
-    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. May be NULL, as all below.
+    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. May be NULL,
+    /// as all below.
     pub distance: *mut f32,
     /// 3 n floats: position of the hit.
     pub position: *mut f32,
@@ -298,10 +314,12 @@ pub const LUMI_POINT_INTERPOLATED: u8 = 0;
 pub const LUMI_POINT_COMPUTED: u8 = 1;
 /// Status of a point: no record answers; its results are zero.
 pub const LUMI_POINT_MISSING: u8 = 2;
-/// Status of a point: its position or normal is no number, or its normal is zero; its results are zero.
+/// Status of a point: its position or normal is no number, or its normal is zero; its results are
+/// zero.
 pub const LUMI_POINT_REJECTED: u8 = 3;
 
-/// Points and what is asked about them. Strides are in bytes; 0 means that the vectors lie side by side.
+/// Points and what is asked about them. Strides are in bytes; 0 means that the vectors lie side by
+/// side.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_query {
@@ -315,7 +333,8 @@ pub struct lumi_query {
     pub position: *const f32,
     /// See `position`.
     pub position_stride: usize,
-    /// Three floats per point, required: shading normals on the side that is looked at, any length but zero.
+    /// Three floats per point, required: shading normals on the side that is looked at, any length
+    /// but zero.
     pub normal: *const f32,
     /// See `normal`.
     pub normal_stride: usize,
@@ -327,17 +346,22 @@ pub struct lumi_query {
     pub wo: *const f32,
     /// See `wo`.
     pub wo_stride: usize,
-    /// One float per point: width of a pixel there, world units. Bounds the area of a record from below. NULL: 0.002 times the scene's diagonal.
+    /// One float per point: width of a pixel there, world units. Bounds the area of a record from
+    /// below. NULL: 0.002 times the scene's diagonal.
     pub footprint: *const f32,
-    /// Three floats per point: irradiance of indirect light, and of direct light where "contents" is "direct-and-indirect" and the scene is the library's; what a diffuse surface reflects is albedo/pi times that. May be NULL.
+    /// Three floats per point: irradiance of indirect light, and of direct light where "contents"
+    /// is "direct-and-indirect" and the scene is the library's; what a diffuse surface reflects is
+    /// albedo/pi times that. May be NULL.
     pub irradiance: *mut f32,
     /// See `irradiance`.
     pub irradiance_stride: usize,
-    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. For scenes of our own whose surfaces pass through the points. May be NULL.
+    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. For scenes
+    /// of our own whose surfaces pass through the points. May be NULL.
     pub radiance: *mut f32,
     /// See `radiance`.
     pub radiance_stride: usize,
-    /// One float per point: estimated error as a share of the allowed one, 0 at a record, 1 at the end of its reach. May be NULL.
+    /// One float per point: estimated error as a share of the allowed one, 0 at a record, 1 at the
+    /// end of its reach. May be NULL.
     pub error: *mut f32,
     /// One byte per point: LUMI_POINT_*. May be NULL.
     pub status: *mut u8,
@@ -347,8 +371,10 @@ pub struct lumi_query {
     pub reserved: u32,
 }
 
-/// Watches a build, on the thread that called it: `fraction` goes from 0 to 1. Nonzero cancels; the cache is then as before.
-pub type lumi_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64, phase: *const c_char) -> i32>;
+/// Watches a build, on the thread that called it: `fraction` goes from 0 to 1. Nonzero cancels; the
+/// cache is then as before.
+pub type lumi_progress_fn =
+    Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64, phase: *const c_char) -> i32>;
 
 /// Numbers of a cache.
 #[repr(C)]
@@ -426,11 +452,14 @@ pub struct lumi_render_desc {
     pub samples: u32,
     /// Zero.
     pub reserved: u32,
-    /// Camera to world: its x, y and z axis and its place, three floats each. The camera looks along -z, y is up.
+    /// Camera to world: its x, y and z axis and its place, three floats each. The camera looks
+    /// along -z, y is up.
     pub camera: [f32; 12],
-    /// Vertical field of view in radians; of an orthographic camera, half the height of the picture.
+    /// Vertical field of view in radians; of an orthographic camera, half the height of the
+    /// picture.
     pub yfov: f32,
-    /// Width of the picture over its height as the camera has it; only orthographic cameras use it. 0: that of the pixels.
+    /// Width of the picture over its height as the camera has it; only orthographic cameras use
+    /// it. 0: that of the pixels.
     pub aspect: f32,
 }
 
@@ -438,7 +467,8 @@ pub struct lumi_render_desc {
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_layer {
-    /// Name of the layer, as the command line has it: "", "diffuse_indirect", "albedo", "N", "Z" ...
+    /// Name of the layer, as the command line has it: "", "diffuse_indirect", "albedo", "N", "Z"
+    /// ...
     pub name: *const c_char,
     /// channels * width * height floats: pixel by pixel, row by row from the top.
     pub data: *mut f32,
@@ -484,7 +514,8 @@ fn size_at<T: Versioned>(at: *const T, what: &str) -> Outcome<usize> {
     if at.is_null() {
         return Err(Fault::argument(format!("{what} is NULL")));
     }
-    // SAFETY: the caller passes a struct that begins with its size; reading it does not ask for alignment.
+    // SAFETY: the caller passes a struct that begins with its size; reading it does not ask for
+    // alignment.
     let size = unsafe { at.cast::<u32>().read_unaligned() } as usize;
     if size < size_of::<T>() {
         let known = size_of::<T>();
@@ -494,7 +525,9 @@ fn size_at<T: Versioned>(at: *const T, what: &str) -> Outcome<usize> {
         ));
     }
     if size > MAX_STRUCT {
-        return Err(Fault::argument(format!("{what}: struct_size is {size}, which no version has")));
+        return Err(Fault::argument(format!(
+            "{what}: struct_size is {size}, which no version has"
+        )));
     }
     Ok(size)
 }
@@ -505,7 +538,8 @@ pub(super) fn read<T: Versioned>(at: *const T, what: &str) -> Outcome<T> {
     // SAFETY: the struct has at least `size` bytes, as the caller says in its first field.
     let bytes = unsafe { std::slice::from_raw_parts(at.cast::<u8>(), size) };
     if bytes[size_of::<T>()..].iter().any(|b| *b != 0) {
-        let text = format!("{what}: a field is set that version {:#x} does not know", LUMI_ABI_VERSION);
+        let text =
+            format!("{what}: a field is set that version {:#x} does not know", LUMI_ABI_VERSION);
         return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, text));
     }
     // SAFETY: the bytes are those of a T, alignment aside.

@@ -28,7 +28,8 @@ pub(super) struct Output<T, const N: usize> {
     _numbers: std::marker::PhantomData<T>,
 }
 
-// SAFETY: the host promises that the memory it passes stays readable until the call returns, and writes nothing to it meanwhile.
+// SAFETY: the host promises that the memory it passes stays readable until the call returns, and
+// writes nothing to it meanwhile.
 unsafe impl<T: Sync, const N: usize> Sync for Input<T, N> {}
 // SAFETY: as above.
 unsafe impl<T: Send, const N: usize> Send for Input<T, N> {}
@@ -39,24 +40,35 @@ fn check<T, const N: usize>(count: usize, stride: usize, what: &str) -> Outcome<
     let stride = if stride == 0 { element } else { stride };
     let end = count.saturating_sub(1).checked_mul(stride).and_then(|n| n.checked_add(element));
     if count > MAX_COUNT || end.is_none_or(|n| n > isize::MAX as usize) {
-        return Err(Fault::argument(format!("{what}: {count} elements {stride} bytes apart are more than can be")));
+        return Err(Fault::argument(format!(
+            "{what}: {count} elements {stride} bytes apart are more than can be"
+        )));
     }
     if stride < element {
-        return Err(Fault::argument(format!("{what}: elements of {element} bytes cannot be {stride} bytes apart")));
+        return Err(Fault::argument(format!(
+            "{what}: elements of {element} bytes cannot be {stride} bytes apart"
+        )));
     }
     Ok(stride)
 }
 
 impl<T: Copy, const N: usize> Input<T, N> {
-    /// `count` elements; `None` for NULL, an error if elements are wanted from there and it is `required`.
+    /// `count` elements; `None` for NULL, an error if elements are wanted from there and it is
+    /// `required`.
     pub fn new(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
         let stride = check::<T, N>(count, stride, what)?;
-        Ok((!data.is_null()).then_some(Self { data: data.cast(), stride, count, _numbers: std::marker::PhantomData }))
+        Ok((!data.is_null()).then_some(Self {
+            data: data.cast(),
+            stride,
+            count,
+            _numbers: std::marker::PhantomData,
+        }))
     }
 
     /// As [`Input::new`]; NULL is an error unless the array is empty.
     pub fn required(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Self> {
-        let empty = Self { data: data.cast(), stride: 0, count: 0, _numbers: std::marker::PhantomData };
+        let empty =
+            Self { data: data.cast(), stride: 0, count: 0, _numbers: std::marker::PhantomData };
         match Self::new(data, count, stride, what)? {
             Some(input) => Ok(input),
             None if count == 0 => Ok(empty),
@@ -70,7 +82,10 @@ impl<T: Copy, const N: usize> Input<T, N> {
             return Ok(None);
         }
         if view.format != format {
-            return Err(Fault::argument(format!("{what} has the format {}, expected {format}", view.format)));
+            return Err(Fault::argument(format!(
+                "{what} has the format {}, expected {format}",
+                view.format
+            )));
         }
         Self::required(view.data.cast(), view.count, view.stride, what).map(Some)
     }
@@ -83,7 +98,8 @@ impl<T: Copy, const N: usize> Input<T, N> {
     #[inline]
     pub fn get(&self, i: usize) -> [T; N] {
         assert!(i < self.count);
-        // SAFETY: i is below the count that the host gave for this address and stride, and the extent was checked; alignment is not asked for.
+        // SAFETY: i is below the count that the host gave for this address and stride, and the
+        // extent was checked; alignment is not asked for.
         unsafe { self.data.add(i * self.stride).cast::<[T; N]>().read_unaligned() }
     }
 
@@ -103,14 +119,20 @@ impl<T: Copy, const N: usize> Output<T, N> {
     /// `count` elements; `None` for NULL.
     pub fn new(data: *mut T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
         let stride = check::<T, N>(count, stride, what)?;
-        Ok((!data.is_null()).then_some(Self { data: data.cast(), stride, count, _numbers: std::marker::PhantomData }))
+        Ok((!data.is_null()).then_some(Self {
+            data: data.cast(),
+            stride,
+            count,
+            _numbers: std::marker::PhantomData,
+        }))
     }
 
     /// Sets element `i`.
     #[inline]
     pub fn set(&mut self, i: usize, value: [T; N]) {
         assert!(i < self.count);
-        // SAFETY: i is below the count that the host gave for this address and stride, and the extent was checked; alignment is not asked for.
+        // SAFETY: i is below the count that the host gave for this address and stride, and the
+        // extent was checked; alignment is not asked for.
         unsafe { self.data.add(i * self.stride).cast::<[T; N]>().write_unaligned(value) };
     }
 }
@@ -121,22 +143,29 @@ struct Lent<T> {
     count: usize,
 }
 
-// SAFETY: the host promises that memory which it shares stays readable and unchanged until scene and caches are released.
+// SAFETY: the host promises that memory which it shares stays readable and unchanged until scene
+// and caches are released.
 unsafe impl<T: Sync> Sync for Lent<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send> Send for Lent<T> {}
 
 impl<T: Pod> AsRef<[T]> for Lent<T> {
     fn as_ref(&self) -> &[T] {
-        // SAFETY: the address is aligned and not NULL, all `count` elements were read when the array was checked, and any bits are a T.
+        // SAFETY: the address is aligned and not NULL, all `count` elements were read when the
+        // array was checked, and any bits are a T.
         unsafe { std::slice::from_raw_parts(self.data, self.count) }
     }
 }
 
-/// The elements of `view`, which was checked, in the host's memory; `None` if the host does not share them, or not as we keep them: one behind the other and aligned.
+/// The elements of `view`, which was checked, in the host's memory; `None` if the host does not
+/// share them, or not as we keep them: one behind the other and aligned.
 pub(super) fn lent<T: Pod + Send + Sync>(view: &lumi_view) -> Option<Buffer<T>> {
     let data = view.data.cast::<T>();
     let dense = view.stride == 0 || view.stride == size_of::<T>();
-    let usable = view.flags & LUMI_VIEW_SHARED != 0 && dense && data.is_aligned() && !data.is_null() && view.count > 0;
+    let usable = view.flags & LUMI_VIEW_SHARED != 0
+        && dense
+        && data.is_aligned()
+        && !data.is_null()
+        && view.count > 0;
     usable.then(|| Buffer::lent(Arc::new(Lent { data, count: view.count })))
 }

@@ -46,8 +46,14 @@ impl Drop for End<'_> {
 }
 
 impl CacheObject {
-    /// Runs `work` on other threads. Meanwhile this one, if the host wants it so, calls the host's tracer, and tells of `progress` where it is watched.
-    pub fn run<R: Send>(&self, progress: &Progress, watched: bool, work: impl FnOnce(&Exchange) -> R + Send) -> Outcome<R> {
+    /// Runs `work` on other threads. Meanwhile this one, if the host wants it so, calls the host's
+    /// tracer, and tells of `progress` where it is watched.
+    pub fn run<R: Send>(
+        &self,
+        progress: &Progress,
+        watched: bool,
+        work: impl FnOnce(&Exchange) -> R + Send,
+    ) -> Outcome<R> {
         let committed = self.scene.committed()?;
         let host = match &committed.world {
             World::Own(_) => None,
@@ -114,10 +120,17 @@ impl CacheObject {
     fn report(&self, progress: &Progress) {
         let Some((callback, user)) = self.watcher() else { return };
         let snapshot = progress.snapshot();
-        let fraction = if snapshot.total == 0 { 0.0 } else { (snapshot.done as f64 / snapshot.total as f64).min(1.0) };
+        let fraction = if snapshot.total == 0 {
+            0.0
+        } else {
+            (snapshot.done as f64 / snapshot.total as f64).min(1.0)
+        };
         let phase = CString::new(snapshot.phase.name()).unwrap_or_default();
-        // SAFETY: the host has given a function of this type and a pointer for it; the text lives during the call. No lock is held.
-        let stop = unsafe { callback(std::ptr::with_exposed_provenance_mut(user), fraction, phase.as_ptr()) };
+        // SAFETY: the host has given a function of this type and a pointer for it; the text lives
+        // during the call. No lock is held.
+        let stop = unsafe {
+            callback(std::ptr::with_exposed_provenance_mut(user), fraction, phase.as_ptr())
+        };
         if stop != 0 {
             progress.cancel();
         }

@@ -40,7 +40,8 @@ pub enum Command {
         #[command(subcommand)]
         what: Bench,
     },
-    /// Compare caching schemes: as many records, as many rays for each, the error of the irradiance.
+    /// Compare caching schemes: as many records, as many rays for each, the error of the
+    /// irradiance.
     Report(Report),
     /// Print a script that completes these commands in a shell.
     Completions {
@@ -81,7 +82,8 @@ pub struct CacheMerge {
     /// The file to write; may be one of those that are joined.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
-    /// Join records of different scenes and settings too; those of the first file are written down.
+    /// Join records of different scenes and settings too; those of the first file are written
+    /// down.
     #[arg(long)]
     pub reuse: bool,
 }
@@ -98,7 +100,8 @@ pub enum DumpFormat {
 
 #[derive(Subcommand)]
 pub enum Bench {
-    /// Both ray tracing back ends on one scene: build time, memory, and rays per second of each kind.
+    /// Both ray tracing back ends on one scene: build time, memory, and rays per second of each
+    /// kind.
     Accel(BenchAccel),
 }
 
@@ -118,10 +121,12 @@ pub struct BenchAccel {
 pub struct Report {
     /// The scene, .gltf or .glb.
     pub scene: PathBuf,
-    /// Folder for report.json, report.csv, index.html and the pictures; it is made if it is missing.
+    /// Folder for report.json, report.csv, index.html and the pictures; it is made if it is
+    /// missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Names of presets, separated by commas; settings of one preset follow it behind colons, as in `ward-heckbert92:gradient_clamp=false:min_pixels=0`.
+    /// Names of presets, separated by commas; settings of one preset follow it behind colons, as
+    /// in `ward-heckbert92:gradient_clamp=false:min_pixels=0`.
     #[arg(long, value_name = "LIST", default_value = "ward-heckbert92,krivanek06,auto")]
     pub presets: String,
     /// A setting of all of them; may be given several times.
@@ -148,7 +153,8 @@ pub struct Report {
     /// Light from infinity: an equirectangular .hdr or .exr.
     #[arg(long, value_name = "MAP")]
     pub env: Option<PathBuf>,
-    /// Most surface interactions after the camera hit; without it paths end by Russian roulette alone.
+    /// Most surface interactions after the camera hit; without it paths end by Russian roulette
+    /// alone.
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,
     /// Number of threads; all processors by default.
@@ -193,7 +199,8 @@ pub enum IntegratorName {
 pub enum LightUnitsName {
     /// Numbers as the file has them.
     Photometric,
-    /// Punctual intensities, luminaires and skies divided by 683 lm/W, for files that Blender exported.
+    /// Punctual intensities, luminaires and skies divided by 683 lm/W, for files that Blender
+    /// exported.
     Radiometric,
 }
 
@@ -219,10 +226,12 @@ pub struct Render {
     /// Image size; by default 720 rows of the camera's aspect, 1280x720 where it has none.
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
-    /// Samples per pixel, the same for all; by default 16, and with the cache up to 64 where a pixel is still noisy.
+    /// Samples per pixel, the same for all; by default 16, and with the cache up to 64 where a
+    /// pixel is still noisy.
     #[arg(long, value_name = "N")]
     pub spp: Option<u32>,
-    /// Most surface interactions after the camera hit; without it paths end by Russian roulette alone.
+    /// Most surface interactions after the camera hit; without it paths end by Russian roulette
+    /// alone.
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,
     /// Rays per record.
@@ -243,7 +252,8 @@ pub struct Render {
     /// The camera, by name or number.
     #[arg(long, value_name = "NAME|INDEX")]
     pub camera: Option<String>,
-    /// Render these frames of the camera's animation, both ends included; all read the same records. Files are numbered: NAME.0001.exr, or where %04d stands.
+    /// Render these frames of the camera's animation, both ends included; all read the same
+    /// records. Files are numbered: NAME.0001.exr, or where %04d stands.
     #[arg(long, value_name = "A..B")]
     pub frames: Option<Frames>,
     /// Frames per second: frame K shows second K/FPS of the animation.
@@ -255,8 +265,9 @@ pub struct Render {
     /// Light from infinity: an equirectangular image.
     #[arg(long, value_name = "MAP.hdr|.exr")]
     pub env: Option<PathBuf>,
-    /// A CIE standard sky with a sun: overcast, clear, or cie1 to cie15, then azimuth (of the sun, clockwise from north, -Z), elevation, turbidity,
-    /// illuminance, sun=disc|direction|none, sun-illuminance, color, ground.
+    /// A CIE standard sky with a sun: overcast, clear, or cie1 to cie15, then azimuth (of the sun,
+    /// clockwise from north, -Z), elevation, turbidity, illuminance, sun=disc|direction|none,
+    /// sun-illuminance, color, ground.
     #[arg(long, value_name = "KIND[,KEY=VALUE]...", conflicts_with = "env")]
     pub sky: Option<String>,
     /// Turn the environment about the vertical axis.
@@ -268,7 +279,8 @@ pub struct Render {
     /// Units of point, spot and directional lights, IES files and skies.
     #[arg(long, value_enum, default_value = "photometric")]
     pub light_units: LightUnitsName,
-    /// Give rough surfaces back the light that scatters between their microfacets, which glTF's model loses.
+    /// Give rough surfaces back the light that scatters between their microfacets, which glTF's
+    /// model loses.
     #[arg(long)]
     pub multiple_scattering: bool,
     /// Begin with the records of a cache file; may be repeated.
@@ -307,5 +319,8 @@ pub struct Render {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0).ok_or_else(|| "expected a number above 0".into())
+    text.parse()
+        .ok()
+        .filter(|x: &f64| x.is_finite() && *x > 0.0)
+        .ok_or_else(|| "expected a number above 0".into())
 }

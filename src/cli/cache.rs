@@ -27,14 +27,24 @@ fn info(path: &Path, as_json: bool) -> Result<()> {
             json!({"records": file.record_count(), "levels": counts, "bytes": bytes, "origin": origin})
         ));
     }
-    let mut text = format!("{}\n  records      {} (by level: {counts:?})\n", path.display(), file.record_count());
+    let mut text = format!(
+        "{}\n  records      {} (by level: {counts:?})\n",
+        path.display(),
+        file.record_count()
+    );
     for (part, hash) in &origin.scene {
         text += &format!("  {part:<12} {hash}\n");
     }
     text += &format!("  scene size   {}\n", origin.scene_size);
-    text += &format!("  max bounces  {}\n", origin.max_bounces.map_or("unlimited".to_owned(), |n| n.to_string()));
+    text += &format!(
+        "  max bounces  {}\n",
+        origin.max_bounces.map_or("unlimited".to_owned(), |n| n.to_string())
+    );
     for (field, value) in origin.scheme.as_object().into_iter().flatten() {
-        text += &format!("  {field:<24} {}\n", value.as_str().map_or_else(|| value.to_string(), str::to_owned));
+        text += &format!(
+            "  {field:<24} {}\n",
+            value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+        );
     }
     print(text.as_bytes())
 }
@@ -65,16 +75,33 @@ fn row(level: usize, r: &Record) -> Value {
 
 fn dump(path: &Path, format: DumpFormat) -> Result<()> {
     let file = CacheFile::read(path)?;
-    let records = || file.levels.iter().enumerate().flat_map(|(level, records)| records.iter().map(move |r| (level, r)));
+    let records = || {
+        file.levels
+            .iter()
+            .enumerate()
+            .flat_map(|(level, records)| records.iter().map(move |r| (level, r)))
+    };
     let text = match format {
-        DumpFormat::Json => format!("{:#}\n", Value::from(records().map(|(level, r)| row(level, r)).collect::<Vec<_>>())),
+        DumpFormat::Json => format!(
+            "{:#}\n",
+            Value::from(records().map(|(level, r)| row(level, r)).collect::<Vec<_>>())
+        ),
         DumpFormat::Csv => {
             let mut text = "level,x,y,z,nx,ny,nz,r,g,b,length,footprint,sigma,fences\n".to_owned();
             for (level, r) in records() {
-                let vectors: Vec<f32> = [r.position, r.normal, r.irradiance].iter().flat_map(|v| v.to_array()).collect();
+                let vectors: Vec<f32> = [r.position, r.normal, r.irradiance]
+                    .iter()
+                    .flat_map(|v| v.to_array())
+                    .collect();
                 let vectors: Vec<String> = vectors.iter().map(f32::to_string).collect();
                 let fences = r.fences.planes().len();
-                text += &format!("{level},{},{},{},{},{fences}\n", vectors.join(","), r.length_unclamped, r.footprint, r.sigma);
+                text += &format!(
+                    "{level},{},{},{},{},{fences}\n",
+                    vectors.join(","),
+                    r.length_unclamped,
+                    r.footprint,
+                    r.sigma
+                );
             }
             text
         }
@@ -93,8 +120,12 @@ fn ply<'a>(records: impl Iterator<Item = &'a Record> + Clone, count: usize) -> S
     text += "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float length\nend_header\n";
     for r in records {
         let (p, n) = (r.position, r.normal);
-        let [red, green, blue] = r.irradiance.to_array().map(|c| (255.0 * (c / largest).max(0.0).sqrt()).round() as u8);
-        text += &format!("{} {} {} {} {} {} {red} {green} {blue} {}\n", p.x, p.y, p.z, n.x, n.y, n.z, r.length_unclamped);
+        let [red, green, blue] =
+            r.irradiance.to_array().map(|c| (255.0 * (c / largest).max(0.0).sqrt()).round() as u8);
+        text += &format!(
+            "{} {} {} {} {} {} {red} {green} {blue} {}\n",
+            p.x, p.y, p.z, n.x, n.y, n.z, r.length_unclamped
+        );
     }
     text
 }

@@ -33,7 +33,9 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
     let selection = Selection::parse(&arguments.aov)?;
     let options = import_options(arguments);
     let sky = arguments.sky.as_deref().map(Sky::parse).transpose()?;
-    let sky = sky.map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale)).transpose()?;
+    let sky = sky
+        .map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale))
+        .transpose()?;
     let backend: Backend = arguments.backend.parse()?;
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     let numbered = |path: &PathBuf| match &arguments.frames {
@@ -49,7 +51,8 @@ pub fn run(arguments: &Render) -> Result<Outcome> {
         && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
     {
         return Err(Error::InvalidArgument(
-            "--cache-load and --cache-save need --integrator cache: a path tracer has no records".into(),
+            "--cache-load and --cache-save need --integrator cache: a path tracer has no records"
+                .into(),
         ));
     }
     let pool = threads(arguments.threads)?;
@@ -127,7 +130,8 @@ fn load<'a>(
         data.punctual.extend(sun);
     }
     if let Some(map) = &arguments.env {
-        data.environment = Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
+        data.environment =
+            Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
     }
     for material in &mut data.materials {
         material.multiple_scattering = arguments.multiple_scattering;
@@ -138,10 +142,21 @@ fn load<'a>(
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
     let (scene, warnings) = Scene::new(data, backend)?;
-    let camera = camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
+    let camera =
+        camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let settings = settings(arguments, scheme, camera)?;
     let origin = Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size());
-    Ok(Job { arguments, scene, settings, motion, selection, progress, warnings, scene_hash, origin })
+    Ok(Job {
+        arguments,
+        scene,
+        settings,
+        motion,
+        selection,
+        progress,
+        warnings,
+        scene_hash,
+        origin,
+    })
 }
 
 /// Renders one picture; true if it was cancelled.
@@ -149,10 +164,18 @@ fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock
     let arguments = job.arguments;
     let mut viewer = Viewer::connect(arguments, output, job.settings.window)?;
     let (scheme, max_bounces) = (&job.settings.scheme, job.settings.max_bounces);
-    let before = before.map(|cache| render::Caches::new(&job.scene, scheme, max_bounces, Some(cache)));
-    let frame = render::frame_with(&job.scene, &job.settings, before, job.progress, clock, &mut |area, film| {
-        viewer.show(area, film);
-    })?;
+    let before =
+        before.map(|cache| render::Caches::new(&job.scene, scheme, max_bounces, Some(cache)));
+    let frame = render::frame_with(
+        &job.scene,
+        &job.settings,
+        before,
+        job.progress,
+        clock,
+        &mut |area, film| {
+            viewer.show(area, film);
+        },
+    )?;
     job.warnings.extend(viewer.lost);
     clock.start(Phase::Write);
     job.progress.start(Phase::Write, 0);
@@ -160,7 +183,10 @@ fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock
     job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
     clock.stop();
     if let Some(path) = &arguments.stats {
-        write_stats(path, &render::stats(&job.scene, &job.settings, &frame, clock, rayon::current_num_threads()))?;
+        write_stats(
+            path,
+            &render::stats(&job.scene, &job.settings, &frame, clock, rayon::current_num_threads()),
+        )?;
     }
     Ok(frame.cancelled)
 }
@@ -171,7 +197,14 @@ pub fn write_stats(path: &Path, stats: &Value) -> Result<()> {
 
 impl Job<'_> {
     /// Writes the picture of a frame, and its preview.
-    pub fn write(&self, frame: &Frame, settings: &Settings, output: &Path, preview: Option<&Path>, clock: &Clock) -> Result<()> {
+    pub fn write(
+        &self,
+        frame: &Frame,
+        settings: &Settings,
+        output: &Path,
+        preview: Option<&Path>,
+        clock: &Clock,
+    ) -> Result<()> {
         let arguments = self.arguments;
         if arguments.prepass_only {
             return Ok(());
@@ -184,7 +217,13 @@ impl Job<'_> {
         };
         render::write_exr(output, frame, settings, self.selection, &facts)?;
         if let Some(preview) = preview {
-            render::write_preview(preview, frame, settings, arguments.exposure, arguments.show_records)?;
+            render::write_preview(
+                preview,
+                frame,
+                settings,
+                arguments.exposure,
+                arguments.show_records,
+            )?;
         }
         Ok(())
     }
@@ -208,14 +247,20 @@ pub struct Viewer {
 impl Viewer {
     /// Connects to the viewer that the arguments name, if they name one.
     pub fn connect(arguments: &Render, output: &Path, [x0, y0, x1, y1]: [u32; 4]) -> Result<Self> {
-        let connect = |address: &String| Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"]);
-        Ok(Self { display: arguments.display_server.as_ref().map(connect).transpose()?, lost: None })
+        let connect = |address: &String| {
+            Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"])
+        };
+        Ok(Self {
+            display: arguments.display_server.as_ref().map(connect).transpose()?,
+            lost: None,
+        })
     }
 
     /// Shows an area of the film.
     pub fn show(&mut self, [x0, y0, x1, y1]: [u32; 4], film: &Film) {
         if let Some(display) = &mut self.display {
-            let data: Vec<f32> = film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
+            let data: Vec<f32> =
+                film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
             let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
             self.lost = self.lost.take().or(display.update(tile, &data));
         }
@@ -275,16 +320,23 @@ fn scheme(arguments: &Render) -> Result<Scheme> {
         scheme.set("error", &error.to_string())?;
     }
     for setting in &arguments.set {
-        let (key, value) =
-            setting.split_once('=').ok_or_else(|| Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE")))?;
+        let (key, value) = setting.split_once('=').ok_or_else(|| {
+            Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE"))
+        })?;
         scheme.set(key.trim(), value.trim())?;
     }
     scheme.check()?;
     Ok(scheme)
 }
 
-/// The camera called `wanted`, or with that number; the first without one, and one that frames the scene where the file has none.
-pub fn camera(cameras: &[Camera], bounds: &Aabb, wanted: Option<&str>, file: &Path) -> Result<Camera> {
+/// The camera called `wanted`, or with that number; the first without one, and one that frames the
+/// scene where the file has none.
+pub fn camera(
+    cameras: &[Camera],
+    bounds: &Aabb,
+    wanted: Option<&str>,
+    file: &Path,
+) -> Result<Camera> {
     let number = camera_number(cameras, wanted, file)?;
     Ok(number.map_or_else(|| import::default_camera(bounds), |i| cameras[i].clone()))
 }
@@ -295,9 +347,13 @@ fn camera_number(cameras: &[Camera], wanted: Option<&str>, file: &Path) -> Resul
     let by_name = cameras.iter().position(|c| c.name == wanted);
     let by_number = || wanted.parse::<usize>().ok().filter(|i| *i < cameras.len());
     by_name.or_else(by_number).map(Some).ok_or_else(|| {
-        let names: Vec<_> = cameras.iter().enumerate().map(|(i, c)| format!("{i} `{}`", c.name)).collect();
+        let names: Vec<_> =
+            cameras.iter().enumerate().map(|(i, c)| format!("{i} `{}`", c.name)).collect();
         let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        Error::InvalidArgument(format!("{}: there is no camera `{wanted}`; the cameras are {known}", file.display()))
+        Error::InvalidArgument(format!(
+            "{}: there is no camera `{wanted}`; the cameras are {known}",
+            file.display()
+        ))
     })
 }
 
@@ -343,14 +399,16 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
         let (w, h) = text.split_once(['x', 'X'])?;
         Some([w.parse().ok()?, h.parse().ok()?])
     };
-    parse()
-        .filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0))
-        .ok_or_else(|| Error::InvalidArgument(format!("--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480")))
+    parse().filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0)).ok_or_else(|| {
+        Error::InvalidArgument(format!(
+            "--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480"
+        ))
+    })
 }
 
 fn parse_window(text: &str) -> Result<[u32; 4]> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    numbers
-        .and_then(|n| n.try_into().ok())
-        .ok_or_else(|| Error::InvalidArgument(format!("--crop {text}: expected x0,y0,x1,y1 in pixels")))
+    numbers.and_then(|n| n.try_into().ok()).ok_or_else(|| {
+        Error::InvalidArgument(format!("--crop {text}: expected x0,y0,x1,y1 in pixels"))
+    })
 }

@@ -43,10 +43,14 @@ fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::R
         data.environment = Some(import::environment(map, 0.0, 1.0)?);
     }
     let (scene, _) = Scene::new(data, Backend::default())?;
-    let camera = camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
+    let camera =
+        camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let size = match &arguments.size {
         Some(text) => parse_size(text)?,
-        None => [(ROWS * camera.aspect.unwrap_or(16.0 / 9.0).clamp(0.05, 20.0)).round().max(1.0) as u32, ROWS as u32],
+        None => [
+            (ROWS * camera.aspect.unwrap_or(16.0 / 9.0).clamp(0.05, 20.0)).round().max(1.0) as u32,
+            ROWS as u32,
+        ],
     };
     let settings = Settings {
         integrator: IntegratorKind::Cache,
@@ -73,9 +77,13 @@ fn plan(arguments: &Report) -> Result<Plan> {
     };
     let settings = arguments.set.iter().map(pair).collect::<Result<Vec<_>>>()?;
     presets.iter().try_for_each(|text| variant(text, &settings).map(|_| ()))?;
-    let records: Option<Vec<usize>> = list(&arguments.records).iter().map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
+    let records: Option<Vec<usize>> =
+        list(&arguments.records).iter().map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
     let records = records.ok_or_else(|| {
-        Error::InvalidArgument(format!("--records {}: expected numbers above 0, such as 500,1000,2000", arguments.records))
+        Error::InvalidArgument(format!(
+            "--records {}: expected numbers above 0, such as 500,1000,2000",
+            arguments.records
+        ))
     })?;
     Ok(Plan {
         presets,

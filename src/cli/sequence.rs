@@ -30,26 +30,36 @@ impl FromStr for Frames {
         let numbers = text.split_once("..").map_or((text, text), |(a, b)| (a, b));
         let parse = |n: &str| n.trim().parse::<u32>().ok();
         match (parse(numbers.0), parse(numbers.1)) {
-            (Some(first), Some(last)) if first <= last && last - first < MOST => Ok(Self { first, last }),
-            (Some(first), Some(last)) if first <= last => Err(format!("{first}..{last} are more than {MOST} frames")),
+            (Some(first), Some(last)) if first <= last && last - first < MOST => {
+                Ok(Self { first, last })
+            }
+            (Some(first), Some(last)) if first <= last => {
+                Err(format!("{first}..{last} are more than {MOST} frames"))
+            }
             _ => Err("expected A..B, the first and the last frame, such as 1..30".into()),
         }
     }
 }
 
-/// The name of a file of frame `number`: `%04d` in the name of `path` stands for it, with so many digits at least; without that it goes before the extension, with four.
+/// The name of a file of frame `number`: `%04d` in the name of `path` stands for it, with so many
+/// digits at least; without that it goes before the extension, with four.
 pub fn numbered(path: &Path, number: u32) -> Result<PathBuf> {
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let fault = |what: &str| Err(Error::InvalidArgument(format!("{}: {what}", path.display())));
     let Some((before, after)) = name.split_once('%') else {
-        let extension = path.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
+        let extension =
+            path.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
         let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         return Ok(path.with_file_name(format!("{stem}.{number:04}{extension}")));
     };
-    let Some((width, after)) = after.split_once('d').filter(|(w, rest)| w.len() <= 2 && !rest.contains('%')) else {
+    let Some((width, after)) =
+        after.split_once('d').filter(|(w, rest)| w.len() <= 2 && !rest.contains('%'))
+    else {
         return fault("`%` in the name of a sequence must be one frame number, such as %04d");
     };
-    let padded = width.strip_prefix('0').is_some_and(|n| n.len() == 1 && n.starts_with(|c: char| c.is_ascii_digit()));
+    let padded = width
+        .strip_prefix('0')
+        .is_some_and(|n| n.len() == 1 && n.starts_with(|c: char| c.is_ascii_digit()));
     if !(width.is_empty() || padded) {
         return fault("a frame number is written %d, or %04d with a digit of your choice");
     }
@@ -58,17 +68,30 @@ pub fn numbered(path: &Path, number: u32) -> Result<PathBuf> {
 }
 
 /// Renders the frames; true if that was cancelled. What was finished by then stays.
-pub fn run(job: &mut Job, frames: &Frames, before: Option<Cache>, output: &Path, clock: &mut Clock) -> Result<bool> {
+pub fn run(
+    job: &mut Job,
+    frames: &Frames,
+    before: Option<Cache>,
+    output: &Path,
+    clock: &mut Clock,
+) -> Result<bool> {
     let arguments = job.arguments;
     let numbers: Vec<u32> = (frames.first..=frames.last).collect();
     let cameras = cameras(job, &numbers)?;
     let cached = job.settings.integrator == IntegratorKind::Cache;
-    let mut caches = cached.then(|| Caches::new(&job.scene, &job.settings.scheme, job.settings.max_bounces, before));
+    let mut caches = cached
+        .then(|| Caches::new(&job.scene, &job.settings.scheme, job.settings.max_bounces, before));
 
     let mut growth = vec![Growth::default(); numbers.len()];
     if let Some(caches) = &mut caches {
         clock.start(Phase::Fill);
-        growth = match render::fill_sequence(&job.scene, &job.settings, &cameras, caches, job.progress) {
+        growth = match render::fill_sequence(
+            &job.scene,
+            &job.settings,
+            &cameras,
+            caches,
+            job.progress,
+        ) {
             Err(Error::Cancelled) => return Ok(true),
             growth => growth?,
         };
@@ -80,9 +103,16 @@ pub fn run(job: &mut Job, frames: &Frames, before: Option<Cache>, output: &Path,
     for ((&number, camera), growth) in numbers.iter().zip(cameras).zip(&growth) {
         let settings = Settings { camera, ..job.settings.clone() };
         let mut time = Clock::default();
-        let frame = render::frame_from(&job.scene, &settings, caches.as_ref(), job.progress, &mut time, &mut |area, film| {
-            viewer.show(area, film);
-        })?;
+        let frame = render::frame_from(
+            &job.scene,
+            &settings,
+            caches.as_ref(),
+            job.progress,
+            &mut time,
+            &mut |area, film| {
+                viewer.show(area, film);
+            },
+        )?;
         time.start(Phase::Write);
         job.progress.start(Phase::Write, 0);
         let preview = arguments.preview.as_ref().map(|p| numbered(p, number)).transpose()?;
@@ -101,7 +131,8 @@ pub fn run(job: &mut Job, frames: &Frames, before: Option<Cache>, output: &Path,
     let Some((frame, settings)) = last else { return Ok(false) };
     job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
     if let Some(path) = &arguments.stats {
-        let mut stats = render::stats(&job.scene, &settings, &frame, clock, rayon::current_num_threads());
+        let mut stats =
+            render::stats(&job.scene, &settings, &frame, clock, rayon::current_num_threads());
         stats["frames"] = rows.iter().map(|r| r.json.clone()).collect();
         write_stats(path, &stats)?;
     }
@@ -114,15 +145,21 @@ pub fn run(job: &mut Job, frames: &Frames, before: Option<Cache>, output: &Path,
 /// The camera at each frame.
 fn cameras(job: &Job, numbers: &[u32]) -> Result<Vec<Camera>> {
     let (arguments, still) = (job.arguments, &job.settings.camera);
-    let fault = |what: String| Error::InvalidArgument(format!("{}: {what}", arguments.scene.display()));
+    let fault =
+        |what: String| Error::InvalidArgument(format!("{}: {what}", arguments.scene.display()));
     let Some(motion) = &job.motion else {
-        let what =
-            format!("the camera `{}` does not move: --frames needs an animation of its node or of one above it", still.name);
+        let what = format!(
+            "the camera `{}` does not move: --frames needs an animation of its node or of one above it",
+            still.name
+        );
         return Err(fault(what));
     };
     let camera = |&number: &u32| match motion.at(f64::from(number) / arguments.fps) {
         Some(to_world) => Ok(Camera { to_world, ..still.clone() }),
-        None => Err(fault(format!("at frame {number} the camera `{}` has no direction to look in", still.name))),
+        None => Err(fault(format!(
+            "at frame {number} the camera `{}` has no direction to look in",
+            still.name
+        ))),
     };
     numbers.iter().map(camera).collect()
 }
@@ -146,12 +183,18 @@ fn row(number: u32, growth: &Growth, time: &Clock) -> Row {
         "render_cpu_seconds": cpu,
     });
     let records = levels.iter().sum::<usize>();
-    let text = format!("{number:>7}{records:>13}{:>12}{:>10.3}{render:>10.3}\n", growth.radiance, growth.seconds);
+    let text = format!(
+        "{number:>7}{records:>13}{:>12}{:>10.3}{render:>10.3}\n",
+        growth.radiance, growth.seconds
+    );
     Row { json, text }
 }
 
 fn table(rows: &[Row]) -> String {
-    let head = format!("{:>7}{:>13}{:>12}{:>10}{:>10}\n", "frame", "new records", "radiance", "fill s", "render s");
+    let head = format!(
+        "{:>7}{:>13}{:>12}{:>10}{:>10}\n",
+        "frame", "new records", "radiance", "fill s", "render s"
+    );
     head + &rows.iter().map(|r| r.text.as_str()).collect::<String>()
 }
 

@@ -16,7 +16,9 @@ use std::path::Path;
 /// Prints `text`; a reader that stops listening early is no failure.
 pub fn print(text: &[u8]) -> Result<()> {
     match std::io::stdout().lock().write_all(text) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::io(Path::new("standard output"))(e)),
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::io(Path::new("standard output"))(e))
+        }
         _ => Ok(()),
     }
 }
@@ -28,7 +30,14 @@ pub fn print_line(text: &str) -> Result<()> {
 pub fn presets(as_json: bool) -> Result<()> {
     let rows: Vec<(&str, &str, &str, Value)> = PRESETS
         .iter()
-        .map(|p| (p.name, p.source, p.summary, serde_json::to_value(p.scheme()).expect("a scheme is plain data")))
+        .map(|p| {
+            (
+                p.name,
+                p.source,
+                p.summary,
+                serde_json::to_value(p.scheme()).expect("a scheme is plain data"),
+            )
+        })
         .collect();
     if as_json {
         let table: Vec<Value> = rows
@@ -45,8 +54,11 @@ pub fn presets(as_json: bool) -> Result<()> {
     let text_of = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let fields: Vec<&String> = rows[0].3.as_object().into_iter().flat_map(|o| o.keys()).collect();
     let cells = |name: &str| rows.iter().map(|r| text_of(&r.3[name])).collect::<Vec<_>>();
-    let widths: Vec<usize> =
-        (0..rows.len()).map(|k| fields.iter().map(|f| cells(f)[k].len()).max().unwrap_or(0).max(rows[k].0.len()) + 2).collect();
+    let widths: Vec<usize> = (0..rows.len())
+        .map(|k| {
+            fields.iter().map(|f| cells(f)[k].len()).max().unwrap_or(0).max(rows[k].0.len()) + 2
+        })
+        .collect();
     let row = |first: &str, cells: &[String]| {
         let cells: String = cells.iter().zip(&widths).map(|(c, w)| format!("{c:<w$}")).collect();
         format!("{first:<24}{}\n", cells.trim_end())
@@ -66,7 +78,10 @@ pub fn compare(arguments: &Compare) -> Result<()> {
         comparison.write_flip_map(path)?;
     }
     if arguments.json {
-        return print_line(&serde_json::to_string_pretty(&comparison.report).map_err(|e| Error::Device(e.to_string()))?);
+        return print_line(
+            &serde_json::to_string_pretty(&comparison.report)
+                .map_err(|e| Error::Device(e.to_string()))?,
+        );
     }
     print_line(comparison.report.text().trim_end())
 }
@@ -100,10 +115,16 @@ pub fn info(path: &Path) -> Result<()> {
 
 pub fn bench_accel(arguments: &BenchAccel) -> Result<()> {
     let data = import::gltf(&arguments.scene, &ImportOptions::default())?;
-    let camera = camera(&data.cameras, &data.geometry.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
+    let camera = camera(
+        &data.cameras,
+        &data.geometry.bounds(),
+        arguments.camera.as_deref(),
+        &arguments.scene,
+    )?;
     let mut camera_rays = |count: usize| {
         let side = (count as f64).sqrt() as u32;
-        let pixels = (0..side * side).map(|k| Vec2::new((k % side) as f32 + 0.5, (k / side) as f32 + 0.5));
+        let pixels =
+            (0..side * side).map(|k| Vec2::new((k % side) as f32 + 0.5, (k / side) as f32 + 0.5));
         pixels
             .map(|raster| {
                 let ray = camera.ray(raster, [side, side]);
@@ -113,7 +134,9 @@ pub fn bench_accel(arguments: &BenchAccel) -> Result<()> {
     };
     let report = bench::run(&data.geometry, &mut camera_rays, bench::Options::default())?;
     if arguments.json {
-        return print_line(&serde_json::to_string_pretty(&report).map_err(|e| Error::Device(e.to_string()))?);
+        return print_line(
+            &serde_json::to_string_pretty(&report).map_err(|e| Error::Device(e.to_string()))?,
+        );
     }
     print(report.table().as_bytes())
 }

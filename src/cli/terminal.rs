@@ -22,7 +22,8 @@ pub fn cancel_on_interrupt(progress: &Arc<Progress>) {
     }
 }
 
-/// A bar on standard error that follows a [`Progress`] until it is dropped; nothing where standard error is no terminal.
+/// A bar on standard error that follows a [`Progress`] until it is dropped; nothing where standard
+/// error is no terminal.
 pub struct Bar {
     stop: Arc<AtomicBool>,
     watcher: Option<JoinHandle<()>>,
@@ -52,9 +53,10 @@ impl Drop for Bar {
 }
 
 fn follow(progress: &Progress, stop: &AtomicBool) {
-    let style = ProgressStyle::with_template("{msg:>12} [{bar:40}] {percent:>3}%  {per_sec}  {eta} left")
-        .expect("the template is sound")
-        .progress_chars("=> ");
+    let style =
+        ProgressStyle::with_template("{msg:>12} [{bar:40}] {percent:>3}%  {per_sec}  {eta} left")
+            .expect("the template is sound")
+            .progress_chars("=> ");
     let bar = ProgressBar::no_length().with_style(style);
     let mut phase: Option<Phase> = None;
     while !stop.load(Ordering::Acquire) {

@@ -1,26 +1,42 @@
-//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20, Section 4].
+//! LDR-FLIP: the difference that a viewer sees when flipping between two pictures [Andersson20,
+//! Section 4].
 //!
-//! Colour: both pictures go to YCxCz, are blurred by the eye's contrast sensitivity, and are compared by the HyAB distance in L*a*b* with Hunt's
-//! adjustment. Features: edges and points of the luminance are found at a fixed visual angle. The feature
-//! difference then amplifies the colour difference. Pictures are extended by their border pixels.
+//! Colour: both pictures go to YCxCz, are blurred by the eye's contrast sensitivity, and are
+//! compared by the HyAB distance in L*a*b* with Hunt's adjustment. Features: edges and points of
+//! the luminance are found at a fixed visual angle. The feature difference then amplifies the
+//! colour difference. Pictures are extended by their border pixels.
 
 use crate::math::Color;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Pixels per degree of a 0.7 m wide screen of 3840 columns seen from 0.7 m [Andersson20, Section 4].
+/// Pixels per degree of a 0.7 m wide screen of 3840 columns seen from 0.7 m [Andersson20, Section
+/// 4].
 pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
 /// Rec. 709 to XYZ, from the primaries and white of [BT709, Section 1], row by row.
 const RGB_TO_XYZ: [[f32; 3]; 3] = [
-    [(10_135_552.0 / 24_577_794.0) as f32, (8_788_810.0 / 24_577_794.0) as f32, (4_435_075.0 / 24_577_794.0) as f32],
-    [(2_613_072.0 / 12_288_897.0) as f32, (8_788_810.0 / 12_288_897.0) as f32, (887_015.0 / 12_288_897.0) as f32],
-    [(1_425_312.0 / 73_733_382.0) as f32, (8_788_810.0 / 73_733_382.0) as f32, (70_074_185.0 / 73_733_382.0) as f32],
+    [
+        (10_135_552.0 / 24_577_794.0) as f32,
+        (8_788_810.0 / 24_577_794.0) as f32,
+        (4_435_075.0 / 24_577_794.0) as f32,
+    ],
+    [
+        (2_613_072.0 / 12_288_897.0) as f32,
+        (8_788_810.0 / 12_288_897.0) as f32,
+        (887_015.0 / 12_288_897.0) as f32,
+    ],
+    [
+        (1_425_312.0 / 73_733_382.0) as f32,
+        (8_788_810.0 / 73_733_382.0) as f32,
+        (70_074_185.0 / 73_733_382.0) as f32,
+    ],
 ];
 
 /// Exponent of the colour difference [Andersson20, Section 4.1].
 const Q_C: f32 = 0.7;
-/// Where the compression of large colour differences begins, as a part of the largest [Andersson20, Section 4.1].
+/// Where the compression of large colour differences begins, as a part of the largest [Andersson20,
+/// Section 4.1].
 const P_C: f32 = 0.4;
 /// What that point is mapped to [Andersson20, Section 4.1].
 const P_T: f32 = 0.95;
@@ -29,14 +45,16 @@ const FEATURE_WIDTH: f64 = 0.082;
 /// Exponent of the feature difference [Andersson20, Section 4.2].
 const Q_F: f32 = 0.5;
 
-/// The sums of two Gaussians that approximate the contrast sensitivity of the channels Y, Cx, Cz: (a1, b1, a2, b2) [Andersson20, Table 1].
-const SENSITIVITY: [[f64; 4]; 3] = [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
+/// The sums of two Gaussians that approximate the contrast sensitivity of the channels Y, Cx, Cz:
+/// (a1, b1, a2, b2) [Andersson20, Table 1].
+const SENSITIVITY: [[f64; 4]; 3] =
+    [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
 
 /// One plane of values, row by row.
 type Plane = Vec<f32>;
 
-/// The difference of each pixel, from 0 to 1, of two pictures of `width` columns in linear Rec. 709; values are clamped to the unit interval first.
-/// Symmetric in the pictures.
+/// The difference of each pixel, from 0 to 1, of two pictures of `width` columns in linear Rec.
+/// 709; values are clamped to the unit interval first. Symmetric in the pictures.
 ///
 /// # Panics
 /// When the pictures differ in length or `width` does not divide it.
@@ -45,8 +63,10 @@ pub fn flip(reference: &[Color], test: &[Color], width: usize, pixels_per_degree
         reference.len() == test.len() && width > 0 && reference.len().is_multiple_of(width),
         "two pictures of {width} columns"
     );
-    let (reference, test) =
-        rayon::join(|| Seen::new(reference, width, pixels_per_degree), || Seen::new(test, width, pixels_per_degree));
+    let (reference, test) = rayon::join(
+        || Seen::new(reference, width, pixels_per_degree),
+        || Seen::new(test, width, pixels_per_degree),
+    );
     let largest = hyab(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0])).powf(Q_C);
     (0..reference.lab.len())
         .into_par_iter()
@@ -72,15 +92,29 @@ struct Seen {
 
 impl Seen {
     fn new(picture: &[Color], width: usize, pixels_per_degree: f32) -> Self {
-        let ycxcz: Vec<[f32; 3]> = picture.par_iter().map(|c| ycxcz_of(c.clamp(Color::ZERO, Color::ONE).to_array())).collect();
+        let ycxcz: Vec<[f32; 3]> = picture
+            .par_iter()
+            .map(|c| ycxcz_of(c.clamp(Color::ZERO, Color::ONE).to_array()))
+            .collect();
         let luminance: Plane = ycxcz.iter().map(|c| (c[0] + 16.0) / 116.0).collect();
         let [edges, points] = features(&luminance, width, f64::from(pixels_per_degree));
         let planes: Vec<Plane> = (0..3)
-            .map(|c| blur(&ycxcz.iter().map(|v| v[c]).collect::<Plane>(), width, f64::from(pixels_per_degree), SENSITIVITY[c]))
+            .map(|c| {
+                blur(
+                    &ycxcz.iter().map(|v| v[c]).collect::<Plane>(),
+                    width,
+                    f64::from(pixels_per_degree),
+                    SENSITIVITY[c],
+                )
+            })
             .collect();
         let lab = (0..picture.len())
             .into_par_iter()
-            .map(|i| hunt_lab(rgb_of([planes[0][i], planes[1][i], planes[2][i]]).map(|x| x.clamp(0.0, 1.0))))
+            .map(|i| {
+                hunt_lab(
+                    rgb_of([planes[0][i], planes[1][i], planes[2][i]]).map(|x| x.clamp(0.0, 1.0)),
+                )
+            })
             .collect();
         Self { lab, edges, points }
     }
@@ -106,22 +140,27 @@ fn ycxcz_of(rgb: [f32; 3]) -> [f32; 3] {
 fn rgb_of([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     let white = xyz_of([1.0; 3]);
     let y = (y + 16.0) / 116.0;
-    let xyz = glam::Vec3::new((y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]);
+    let xyz =
+        glam::Vec3::new((y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]);
     let matrix = glam::Mat3::from_cols_array_2d(&RGB_TO_XYZ).transpose();
     (matrix.inverse() * xyz).to_array()
 }
 
-/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20, Section 4.1].
+/// CIE L*a*b* with a* and b* scaled by 0.01 L*: colours are less vivid in the dark [Andersson20,
+/// Section 4.1].
 fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
-    let f = |t: f32| if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
+    let f = |t: f32| {
+        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+    };
     let [x, y, z] = relative_xyz(rgb).map(f);
     let lightness = 116.0 * y - 16.0;
     let hunt = 0.01 * lightness;
     [lightness, 500.0 * (x - y) * hunt, 200.0 * (y - z) * hunt]
 }
 
-/// The distance for large differences: city block between lightness and the Euclidean distance of the rest [Andersson20, Section 4.1].
+/// The distance for large differences: city block between lightness and the Euclidean distance of
+/// the rest [Andersson20, Section 4.1].
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
@@ -129,7 +168,11 @@ fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
 /// Maps [0, P_C largest] to [0, P_T] and the rest to [P_T, 1] [Andersson20, Section 4.1].
 fn compress(difference: f32, largest: f32) -> f32 {
     let knee = P_C * largest;
-    if difference < knee { difference * P_T / knee } else { P_T + (difference - knee) / (largest - knee) * (1.0 - P_T) }
+    if difference < knee {
+        difference * P_T / knee
+    } else {
+        P_T + (difference - knee) / (largest - knee) * (1.0 - P_T)
+    }
 }
 
 /// `plane` filtered by the sum of two Gaussians, whose two-dimensional weights sum to 1.
@@ -137,7 +180,9 @@ fn blur(plane: &[f32], width: usize, pixels_per_degree: f64, [a1, b1, a2, b2]: [
     let widest = SENSITIVITY.iter().flat_map(|s| [s[1], s[3]]).fold(0.0, f64::max);
     let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i32;
     let part = |a: f64, b: f64| {
-        let kernel: Vec<f64> = (-radius..=radius).map(|i| (-(PI * f64::from(i) / pixels_per_degree).powi(2) / b).exp()).collect();
+        let kernel: Vec<f64> = (-radius..=radius)
+            .map(|i| (-(PI * f64::from(i) / pixels_per_degree).powi(2) / b).exp())
+            .collect();
         let sum: f64 = kernel.iter().sum();
         (a * (PI / b).sqrt() * sum * sum, kernel.iter().map(|k| k / sum).collect::<Vec<_>>())
     };
@@ -152,12 +197,15 @@ fn blur(plane: &[f32], width: usize, pixels_per_degree: f64, [a1, b1, a2, b2]: [
     result
 }
 
-/// Lengths of the first and second differences of `luminance` at the feature detectors' scale [Andersson20, Section 4.2].
+/// Lengths of the first and second differences of `luminance` at the feature detectors' scale
+/// [Andersson20, Section 4.2].
 fn features(luminance: &[f32], width: usize, pixels_per_degree: f64) -> [Plane; 2] {
     let deviation = 0.5 * FEATURE_WIDTH * pixels_per_degree;
     let radius = (3.0 * deviation).ceil() as i32;
     let sampled = |f: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
-        (-radius..=radius).map(|i| f(f64::from(i), (-f64::from(i * i) / (2.0 * deviation * deviation)).exp())).collect()
+        (-radius..=radius)
+            .map(|i| f(f64::from(i), (-f64::from(i * i) / (2.0 * deviation * deviation)).exp()))
+            .collect()
     };
     // Positive weights sum to 1, negative ones to -1.
     let balanced = |kernel: Vec<f64>| -> Vec<f64> {
@@ -171,19 +219,28 @@ fn features(luminance: &[f32], width: usize, pixels_per_degree: f64) -> [Plane; 
     let first = balanced(sampled(&|x, g| -x * g));
     let second = balanced(sampled(&|x, g| (x * x / (deviation * deviation) - 1.0) * g));
     [first, second].map(|kernel| {
-        let (along, across) = (separable(luminance, width, &kernel, &smooth), separable(luminance, width, &smooth, &kernel));
+        let (along, across) = (
+            separable(luminance, width, &kernel, &smooth),
+            separable(luminance, width, &smooth, &kernel),
+        );
         along.iter().zip(across).map(|(x, y)| x.hypot(y)).collect()
     })
 }
 
-/// `plane` filtered along its rows by one kernel and along its columns by another, border values repeated outside.
+/// `plane` filtered along its rows by one kernel and along its columns by another, border values
+/// repeated outside.
 fn separable(plane: &[f32], width: usize, along: &[f64], across: &[f64]) -> Plane {
     let height = plane.len() / width;
-    let tap = |i: usize, k: usize, radius: usize, end: usize| (i + k).saturating_sub(radius).min(end - 1);
+    let tap =
+        |i: usize, k: usize, radius: usize, end: usize| (i + k).saturating_sub(radius).min(end - 1);
     let mut rows = vec![0f32; plane.len()];
     rows.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(to, from)| {
         for (x, value) in to.iter_mut().enumerate() {
-            let sum: f64 = along.iter().enumerate().map(|(k, w)| w * f64::from(from[tap(x, k, along.len() / 2, width)])).sum();
+            let sum: f64 = along
+                .iter()
+                .enumerate()
+                .map(|(k, w)| w * f64::from(from[tap(x, k, along.len() / 2, width)]))
+                .sum();
             *value = sum as f32;
         }
     });
@@ -203,7 +260,8 @@ fn separable(plane: &[f32], width: usize, along: &[f64], across: &[f64]) -> Plan
     result
 }
 
-/// Colours of the map from black through purple and orange to pale yellow, at equal distances; close to matplotlib's magma.
+/// Colours of the map from black through purple and orange to pale yellow, at equal distances;
+/// close to matplotlib's magma.
 const MAP: [[f32; 3]; 9] = [
     [0.0, 0.0, 4.0],
     [28.0, 16.0, 68.0],
@@ -256,7 +314,8 @@ mod tests {
         let bytes = color_map(&(0..=64).map(|i| i as f32 / 64.0).collect::<Vec<_>>());
         assert_eq!(bytes[..3], [0, 0, 4]);
         assert_eq!(bytes[64 * 3..], [252, 253, 191]);
-        let brightness: Vec<u32> = bytes.chunks(3).map(|c| c.iter().map(|&b| u32::from(b)).sum()).collect();
+        let brightness: Vec<u32> =
+            bytes.chunks(3).map(|c| c.iter().map(|&b| u32::from(b)).sum()).collect();
         assert!(brightness.windows(2).all(|w| w[0] <= w[1]));
         assert_eq!(color_map(&[f32::NAN]), [0; 3]);
     }

@@ -10,7 +10,8 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Keeps relative errors of dark pixels finite: relMSE's and MAPE's denominators are increased by it.
+/// Keeps relative errors of dark pixels finite: relMSE's and MAPE's denominators are increased by
+/// it.
 const EPSILON: f64 = 0.01;
 
 /// What to compare.
@@ -20,7 +21,8 @@ pub struct Options {
     pub channel_prefix: Option<String>,
 }
 
-/// How far `x`, the image, is from `r`, the reference. Means are over the compared pixels and their three channels.
+/// How far `x`, the image, is from `r`, the reference. Means are over the compared pixels and their
+/// three channels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Columns.
@@ -41,9 +43,11 @@ pub struct Report {
     pub mean_ratio: Option<f64>,
     /// The same for each of R, G and B.
     pub mean_ratio_rgb: [Option<f64>; 3],
-    /// Decibels between the pictures as a display shows them (clamped, sRGB), relative to its white; none if they are equal.
+    /// Decibels between the pictures as a display shows them (clamped, sRGB), relative to its
+    /// white; none if they are equal.
     pub psnr: Option<f64>,
-    /// Mean LDR-FLIP, from 0 to 1, of the clamped pictures at 67 pixels per degree [Andersson20, Section 4].
+    /// Mean LDR-FLIP, from 0 to 1, of the clamped pictures at 67 pixels per degree [Andersson20,
+    /// Section 4].
     pub flip: f64,
 }
 
@@ -62,8 +66,14 @@ impl Report {
         row("relmse", format!("{:.4e}", self.relmse));
         row("rmse", format!("{:.4e}", self.rmse));
         row("mape", format!("{:.3} %", 100.0 * self.mape));
-        row("mean ratio", format!("{}  (R {}, G {}, B {})", number(self.mean_ratio), rgb[0], rgb[1], rgb[2]));
-        row("psnr", self.psnr.map_or_else(|| "equal on a display".to_owned(), |x| format!("{x:.2} dB")));
+        row(
+            "mean ratio",
+            format!("{}  (R {}, G {}, B {})", number(self.mean_ratio), rgb[0], rgb[1], rgb[2]),
+        );
+        row(
+            "psnr",
+            self.psnr.map_or_else(|| "equal on a display".to_owned(), |x| format!("{x:.2} dB")),
+        );
         row("flip", format!("{:.5}", self.flip));
         text
     }
@@ -91,8 +101,8 @@ impl Comparison {
 /// Compares the colours of `image` with those of `reference`.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] when the sizes differ, a channel is missing, no pixel is left, or compared values are NaN or infinite (with their number
-/// and the first one's place).
+/// [`Error::InvalidArgument`] when the sizes differ, a channel is missing, no pixel is left, or
+/// compared values are NaN or infinite (with their number and the first one's place).
 pub fn compare(image: &Layers, reference: &Layers, options: &Options) -> Result<Report> {
     compare_pixels(image, reference, options).map(|c| c.report)
 }
@@ -103,7 +113,10 @@ pub fn compare(image: &Layers, reference: &Layers, options: &Options) -> Result<
 /// As for [`compare`].
 pub fn compare_pixels(image: &Layers, reference: &Layers, options: &Options) -> Result<Comparison> {
     measure(image, reference, options).map_err(|(side, what)| {
-        Error::InvalidArgument(format!("{}: {what}", if side == Side::Image { "the image" } else { "the reference" }))
+        Error::InvalidArgument(format!(
+            "{}: {what}",
+            if side == Side::Image { "the image" } else { "the reference" }
+        ))
     })
 }
 
@@ -113,7 +126,9 @@ pub fn compare_pixels(image: &Layers, reference: &Layers, options: &Options) -> 
 /// As for [`compare`], but as [`Error::Image`] naming the file; and those of [`exr::read`].
 pub fn compare_files(image: &Path, reference: &Path, options: &Options) -> Result<Comparison> {
     let (x, r) = (exr::read(image)?, exr::read(reference)?);
-    measure(&x, &r, options).map_err(|(side, what)| Error::image(if side == Side::Image { image } else { reference }, what))
+    measure(&x, &r, options).map_err(|(side, what)| {
+        Error::image(if side == Side::Image { image } else { reference }, what)
+    })
 }
 
 /// Whose fault an error is.
@@ -135,7 +150,10 @@ fn planes<'a>(layers: &'a Layers, options: &Options, side: Side) -> Measured<[&'
             (side, format!("has no channel '{name}', only {}", others.join(", ")))
         })?;
         if channel.samples.len() != size {
-            return Err((side, format!("channel '{name}' has {} samples for {size} pixels", channel.samples.len())));
+            return Err((
+                side,
+                format!("channel '{name}' has {} samples for {size} pixels", channel.samples.len()),
+            ));
         }
         Ok(channel.samples.as_slice())
     };
@@ -143,20 +161,31 @@ fn planes<'a>(layers: &'a Layers, options: &Options, side: Side) -> Measured<[&'
 }
 
 fn named(options: &Options, component: &str) -> String {
-    options.channel_prefix.as_ref().map_or_else(|| component.to_owned(), |p| format!("{}.{component}", p.trim_end_matches('.')))
+    options.channel_prefix.as_ref().map_or_else(
+        || component.to_owned(),
+        |p| format!("{}.{component}", p.trim_end_matches('.')),
+    )
 }
 
 /// The colours of the compared pixels, black elsewhere. Fails where one is not finite.
 fn colors(planes: [&[f32]; 3], compared: &[bool], width: u32, side: Side) -> Measured<Vec<Color>> {
     let [r, g, b] = planes;
-    let colors: Vec<Color> =
-        compared.iter().enumerate().map(|(i, &on)| if on { Color::new(r[i], g[i], b[i]) } else { Color::ZERO }).collect();
+    let colors: Vec<Color> = compared
+        .iter()
+        .enumerate()
+        .map(|(i, &on)| if on { Color::new(r[i], g[i], b[i]) } else { Color::ZERO })
+        .collect();
     let mut bad = colors.iter().enumerate().filter(|(_, c)| !c.is_finite()).map(|(i, _)| i);
     match bad.next() {
         None => Ok(colors),
         Some(first) => {
             let (x, y, count) = (first % width as usize, first / width as usize, 1 + bad.count());
-            Err((side, format!("{count} of the compared pixels are NaN or infinite, the first at column {x}, row {y}")))
+            Err((
+                side,
+                format!(
+                    "{count} of the compared pixels are NaN or infinite, the first at column {x}, row {y}"
+                ),
+            ))
         }
     }
 }
@@ -164,17 +193,31 @@ fn colors(planes: [&[f32]; 3], compared: &[bool], width: u32, side: Side) -> Mea
 fn measure(image: &Layers, reference: &Layers, options: &Options) -> Measured<Comparison> {
     let (width, height) = (reference.width, reference.height);
     if (image.width, image.height) != (width, height) {
-        return Err((Side::Image, format!("is {} x {}, but the reference is {width} x {height}", image.width, image.height)));
+        return Err((
+            Side::Image,
+            format!(
+                "is {} x {}, but the reference is {width} x {height}",
+                image.width, image.height
+            ),
+        ));
     }
     if image.crop != reference.crop {
-        return Err((Side::Image, "shows another part of the whole picture than the reference".to_owned()));
+        return Err((
+            Side::Image,
+            "shows another part of the whole picture than the reference".to_owned(),
+        ));
     }
-    let (x, r) = (planes(image, options, Side::Image)?, planes(reference, options, Side::Reference)?);
+    let (x, r) =
+        (planes(image, options, Side::Image)?, planes(reference, options, Side::Reference)?);
     let alpha = reference.channel(&named(options, "A")).or_else(|| reference.channel("A"));
-    let compared: Vec<bool> = (0..r[0].len()).map(|i| alpha.is_none_or(|a| a.samples.get(i) != Some(&0.0))).collect();
+    let compared: Vec<bool> =
+        (0..r[0].len()).map(|i| alpha.is_none_or(|a| a.samples.get(i) != Some(&0.0))).collect();
     let pixels = compared.iter().filter(|&&on| on).count();
     if pixels == 0 {
-        return Err((Side::Reference, "has no pixel to compare: its alpha is 0 everywhere".to_owned()));
+        return Err((
+            Side::Reference,
+            "has no pixel to compare: its alpha is 0 everywhere".to_owned(),
+        ));
     }
     let x = colors(x, &compared, width, Side::Image)?;
     let r = colors(r, &compared, width, Side::Reference)?;

@@ -1,4 +1,5 @@
-//! The boundary to foreign code: raw declarations and the thin safe wrappers over them. The only modules, with `capi`, that may say `unsafe`.
+//! The boundary to foreign code: raw declarations and the thin safe wrappers over them. The only
+//! modules, with `capi`, that may say `unsafe`.
 
 #[cfg(feature = "embree")]
 pub mod embree;

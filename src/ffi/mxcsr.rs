@@ -1,7 +1,8 @@
 //! The floating point mode of the current thread.
 //!
-//! Embree advises to flush denormal numbers: a kernel that meets one is up to a hundred times slower. The bits belong to the thread,
-//! and inside a host to the host, so library code uses the guard and only threads of our own are changed for good.
+//! Embree advises to flush denormal numbers: a kernel that meets one is up to a hundred times
+//! slower. The bits belong to the thread, and inside a host to the host, so library code uses the
+//! guard and only threads of our own are changed for good.
 
 #[cfg(target_arch = "x86_64")]
 mod imp {
@@ -18,9 +19,12 @@ mod imp {
     }
 
     pub fn write(value: u32) {
-        // SAFETY: ldmxcsr loads four bytes from a live, aligned u32. Every caller passes a value that was read from the register, with at
-        // most FTZ and DAZ changed: no reserved bit and no exception is unmasked that was masked before.
-        unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, readonly, preserves_flags)) };
+        // SAFETY: ldmxcsr loads four bytes from a live, aligned u32. Every caller passes a value
+        // that was read from the register, with at most FTZ and DAZ changed: no reserved
+        // bit and no exception is unmasked that was masked before.
+        unsafe {
+            asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, readonly, preserves_flags))
+        };
     }
 
     pub fn with_flush(value: u32) -> u32 {
@@ -39,12 +43,14 @@ mod imp {
     }
 }
 
-/// Makes the current thread treat denormal numbers as zero (FTZ and DAZ) from now on. Nothing happens on machines other than x86-64.
+/// Makes the current thread treat denormal numbers as zero (FTZ and DAZ) from now on. Nothing
+/// happens on machines other than x86-64.
 pub fn flush_denormals() {
     imp::write(imp::with_flush(imp::read()));
 }
 
-/// While it lives, the current thread treats denormal numbers as zero; then the thread's earlier mode comes back.
+/// While it lives, the current thread treats denormal numbers as zero; then the thread's earlier
+/// mode comes back.
 #[derive(Debug)]
 pub struct FlushDenormals {
     before: u32,

@@ -2,10 +2,12 @@
 
 use crate::math::Vec3;
 
-/// Largest component of a ray's origin and direction: products of distances and areas must not overflow.
+/// Largest component of a ray's origin and direction: products of distances and areas must not
+/// overflow.
 pub const LIMIT: f32 = 1e12;
 
-/// The segment `origin + t * dir`, `tmin < t <= tmax`, in world space. A ray that breaks the rules of its fields, see [`Ray::is_valid`], hits nothing.
+/// The segment `origin + t * dir`, `tmin < t <= tmax`, in world space. A ray that breaks the rules
+/// of its fields, see [`Ray::is_valid`], hits nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
@@ -60,7 +62,8 @@ pub struct Hit {
 
 impl Hit {
     /// What a ray that hits nothing returns.
-    pub const MISS: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, instance: u32::MAX, triangle: u32::MAX };
+    pub const MISS: Self =
+        Self { t: f32::INFINITY, u: 0.0, v: 0.0, instance: u32::MAX, triangle: u32::MAX };
 
     /// True unless the ray missed.
     #[inline]

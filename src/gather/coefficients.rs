@@ -1,29 +1,37 @@
-//! How the coefficients of incident radiance in spherical harmonics change with the position, twice, from the triangulated hemisphere.
+//! How the coefficients of incident radiance in spherical harmonics change with the position,
+//! twice, from the triangulated hemisphere.
 //!
-//! The published derivation gives each triangle one direction and differentiates its solid angle and the basis function there [Zhao, Eq. 3.30-3.31]. The coefficient of a polygon of constant radiance is an
-//! integral over its area on the sphere; only its border moves, so the derivative is an integral along the edges with the basis function Y as a weight. With the chord of an edge as in [`super::edge`], its
-//! directions ω = ĉ/|ĉ|, `d(u) = (1-u) p_a + u p_b`, `k = â × b̂` and ∇Y the gradient on the sphere:
+//! The published derivation gives each triangle one direction and differentiates its solid angle
+//! and the basis function there [Zhao, Eq. 3.30-3.31]. The coefficient of a polygon of constant
+//! radiance is an integral over its area on the sphere; only its border moves, so the derivative is
+//! an integral along the edges with the basis function Y as a weight. With the chord of an edge as
+//! in [`super::edge`], its directions ω = ĉ/|ĉ|, `d(u) = (1-u) p_a + u p_b`, `k = â × b̂` and ∇Y the
+//! gradient on the sphere:
 //!
 //! ```text
 //! ∇λ  = Σ_edges ΔL k ∫ Y d/g^{3/2} du
 //! ∇²λ = Σ_edges ΔL sym( k ⊗ ∫ (3 Y ω - ∇Y) d²/g² du )        in the tangent plane
 //! ```
 //!
-//! The term `[m]ₓ ∫ Y d/g^{3/2}` that the second line also has, `m = p_a b̂ - p_b â`, is antisymmetric in the tangent plane, and its sum vanishes with the antisymmetric part of the other. No second derivative of Y is
-//! needed, and edges between triangles of the same radiance do not count. Along an edge Y and ∇Y are interpolated between its ends. So the sums over edges become weights of vertices, and every basis function is evaluated once per
-//! sample.
+//! The term `[m]ₓ ∫ Y d/g^{3/2}` that the second line also has, `m = p_a b̂ - p_b â`, is
+//! antisymmetric in the tangent plane, and its sum vanishes with the antisymmetric part of the
+//! other. No second derivative of Y is needed, and edges between triangles of the same radiance do
+//! not count. Along an edge Y and ∇Y are interpolated between its ends. So the sums over edges
+//! become weights of vertices, and every basis function is evaluated once per sample.
 
 use super::triangulation::Mesh;
 use super::{Coefficients, HemisphereSamples, TriangleRadiance};
 use crate::basis::{Basis, LANES, Lane, Sh};
 use crate::math::{DVec2, DVec3, Vec3};
 
-/// The derivatives of the coefficients of incident radiance in the tangent plane of the gather's frame.
+/// The derivatives of the coefficients of incident radiance in the tangent plane of the gather's
+/// frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RadianceDerivatives {
     /// Along each tangent.
     pub gradient: [Coefficients; 2],
-    /// Twice along the first tangent, along both, twice along the second; empty if they were not asked for.
+    /// Twice along the first tangent, along both, twice along the second; empty if they were not
+    /// asked for.
     pub hessian: [Coefficients; 3],
 }
 
@@ -45,12 +53,19 @@ impl Weights {
 }
 
 impl HemisphereSamples {
-    /// Gradient of the coefficients from the triangulated hemisphere, with its change if `hessians` is set; `rule` gives the triangles their radiance. As [`HemisphereSamples::triangulated`]: what is said there of the
-    /// horizon, of silhouettes and of the change of radiance at hits holds here.
+    /// Gradient of the coefficients from the triangulated hemisphere, with its change if `hessians`
+    /// is set; `rule` gives the triangles their radiance. As [`HemisphereSamples::triangulated`]:
+    /// what is said there of the horizon, of silhouettes and of the change of radiance at hits
+    /// holds here.
     ///
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.
-    pub fn radiance_derivatives(&self, basis: &Sh, rule: TriangleRadiance, hessians: bool) -> RadianceDerivatives {
+    pub fn radiance_derivatives(
+        &self,
+        basis: &Sh,
+        rule: TriangleRadiance,
+        hessians: bool,
+    ) -> RadianceDerivatives {
         let mesh = Mesh::new(self, &self.bundle.radiance, rule);
         let mut weights = vec![Weights::default(); mesh.vertices.len()];
         sweep(&mesh, |vertex, first, second| {
@@ -79,7 +94,8 @@ impl HemisphereSamples {
     }
 }
 
-/// Calls `visit(vertex, gradient, bend)` for both ends of every edge that matters, with their shares in the weights.
+/// Calls `visit(vertex, gradient, bend)` for both ends of every edge that matters, with their
+/// shares in the weights.
 fn sweep(mesh: &Mesh, mut visit: impl FnMut(usize, [DVec3; 2], [DVec3; 2])) {
     mesh.edges(|a, b, left, right| {
         if left == right {
@@ -110,7 +126,11 @@ const BLOCK: usize = 4;
 /// One number per vertex of a block.
 type Block = [Lane; BLOCK];
 
-fn project<'a>(basis: &Sh, vertices: impl Iterator<Item = (Vec3, &'a Weights)>, hessians: bool) -> RadianceDerivatives {
+fn project<'a>(
+    basis: &Sh,
+    vertices: impl Iterator<Item = (Vec3, &'a Weights)>,
+    hessians: bool,
+) -> RadianceDerivatives {
     let count = basis.count();
     let vertices: Vec<(Vec3, &Weights)> = vertices.collect();
     let mut functions = vec![vec![[Lane::default(); 3]; count]; BLOCK];
@@ -123,7 +143,9 @@ fn project<'a>(basis: &Sh, vertices: impl Iterator<Item = (Vec3, &'a Weights)>, 
             for k in 0..LANES {
                 let Some((direction, of)) = vertex(g, k) else { continue };
                 w[g][k] = *direction;
-                for (slots, value) in weights.iter_mut().zip(of.gradient.iter().chain(&of.bend).chain(&of.hessian)) {
+                for (slots, value) in
+                    weights.iter_mut().zip(of.gradient.iter().chain(&of.bend).chain(&of.hessian))
+                {
                     for channel in 0..3 {
                         slots[channel][g][k] = value[channel] as f32;
                     }
@@ -137,7 +159,9 @@ fn project<'a>(basis: &Sh, vertices: impl Iterator<Item = (Vec3, &'a Weights)>, 
             let values: Block = std::array::from_fn(|g| functions[g][i][0]);
             let [gx, gy]: [Block; 2] = [1, 2].map(|c| std::array::from_fn(|g| functions[g][i][c]));
             let bend = |at: &Block, slope: &Block| -> Block {
-                std::array::from_fn(|g| std::array::from_fn(|k| 3.0 * values[g][k] * at[g][k] - slope[g][k]))
+                std::array::from_fn(|g| {
+                    std::array::from_fn(|k| 3.0 * values[g][k] * at[g][k] - slope[g][k])
+                })
             };
             let (bx, by) = (bend(&x, &gx), bend(&y, &gy));
             for channel in 0..3 {
@@ -152,7 +176,9 @@ fn project<'a>(basis: &Sh, vertices: impl Iterator<Item = (Vec3, &'a Weights)>, 
             }
         }
     }
-    let run = |d: usize| (0..3).flat_map(|channel| sums.iter().map(move |s| s[d][channel])).collect::<Coefficients>();
+    let run = |d: usize| {
+        (0..3).flat_map(|channel| sums.iter().map(move |s| s[d][channel])).collect::<Coefficients>()
+    };
     let hessian = if hessians { [run(2), run(3), run(4)] } else { Default::default() };
     RadianceDerivatives { gradient: [run(0), run(1)], hessian }
 }

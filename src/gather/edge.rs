@@ -1,17 +1,23 @@
-//! The share of one edge in the irradiance that a polygon of constant radiance sends to a surface, differentiated twice by the position of that surface.
+//! The share of one edge in the irradiance that a polygon of constant radiance sends to a surface,
+//! differentiated twice by the position of that surface.
 //!
-//! Irradiance from a polygon is a sum over its edges [Arvo94; HolzschuchSillion98]; its derivatives are integrals along them of r/(r·r)² and r rᵀ/(r·r)³, whose closed
-//! forms cancel badly on short edges and on those that point at the receiver, as the silhouettes of a triangulated hemisphere do. We integrate over the parameter u of the chord between
-//! the two directions, `ĉ(u) = (1-u) â + u b̂`, instead of over the edge. The point of the edge that lies in direction ĉ has the inverse distance `d(u) = (1-u) p_a + u p_b` per |ĉ|, where p = 1/distance, and
-//! everything becomes a polynomial in p_a and p_b whose coefficients depend on the angle alone:
+//! Irradiance from a polygon is a sum over its edges [Arvo94; HolzschuchSillion98]; its derivatives
+//! are integrals along them of r/(r·r)² and r rᵀ/(r·r)³, whose closed forms cancel badly on short
+//! edges and on those that point at the receiver, as the silhouettes of a triangulated hemisphere
+//! do. We integrate over the parameter u of the chord between the two directions, `ĉ(u) = (1-u) â +
+//! u b̂`, instead of over the edge. The point of the edge that lies in direction ĉ has the inverse
+//! distance `d(u) = (1-u) p_a + u p_b` per |ĉ|, where p = 1/distance, and everything becomes a
+//! polynomial in p_a and p_b whose coefficients depend on the angle alone:
 //!
 //! ```text
 //! ∇E  = ½ G M + κ S              M = n × (p_a b̂ - p_b â),  κ = n·(â × b̂),  S = ∫ ĉ d/g²
 //! ∇²E = M Sᵀ + S Mᵀ + κ (4 ∫ ĉ ĉᵀ d²/g³ - Id ∫ d²/g²)
 //! ```
 //!
-//! with `g = |ĉ|² = 1 - z u(1-u)`, `z = |â - b̂|²`, `G = ∫ 1/g` and all integrals over u in [0, 1]. Nothing is divided by a difference, edges of any direction and length are equally precise, and a ray that
-//! left the scene has p = 0 exactly. Double precision: the shares of neighbouring edges cancel.
+//! with `g = |ĉ|² = 1 - z u(1-u)`, `z = |â - b̂|²`, `G = ∫ 1/g` and all integrals over u in [0, 1].
+//! Nothing is divided by a difference, edges of any direction and length are equally precise, and a
+//! ray that left the scene has p = 0 exactly. Double precision: the shares of neighbouring edges
+//! cancel.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -47,7 +53,8 @@ impl Mul<Lanes> for f64 {
     }
 }
 
-/// A vertex of the triangulated hemisphere, seen from the receiver: unit direction with z along the receiver's normal, and 1/distance, 0 for what is infinitely far.
+/// A vertex of the triangulated hemisphere, seen from the receiver: unit direction with z along the
+/// receiver's normal, and 1/distance, 0 for what is infinitely far.
 pub(super) type Vertex = [f64; 4];
 
 /// Edges on their way into the sum; four wait until they are worked on together.
@@ -60,7 +67,8 @@ pub(super) struct EdgeSum {
     sum: [[Lanes; 3]; 5],
 }
 
-/// Edges that wait; many, so that they are out of the processor's store buffers before they are read again.
+/// Edges that wait; many, so that they are out of the processor's store buffers before they are
+/// read again.
 const BATCH: usize = 32;
 
 impl EdgeSum {
@@ -75,7 +83,8 @@ impl EdgeSum {
         }
     }
 
-    /// Adds the edge from `a` to `b`, whose left side is brighter than its right one by `difference`.
+    /// Adds the edge from `a` to `b`, whose left side is brighter than its right one by
+    /// `difference`.
     #[inline]
     pub fn add(&mut self, a: &Vertex, b: &Vertex, difference: [f64; 3]) {
         let k = self.waiting;
@@ -119,9 +128,11 @@ impl EdgeSum {
     }
 }
 
-/// ∫1/g, ∫u(1-u)/g² and ∫u²(1-u)²/g³ as power series in z: `Σ z^m B(m+1, m+1)`, `Σ (m+1) z^m B(m+2, m+2)`, `Σ ½(m+1)(m+2) z^m B(m+3, m+3)`, B being Euler's beta function.
+/// ∫1/g, ∫u(1-u)/g² and ∫u²(1-u)²/g³ as power series in z: `Σ z^m B(m+1, m+1)`, `Σ (m+1) z^m B(m+2,
+/// m+2)`, `Σ ½(m+1)(m+2) z^m B(m+3, m+3)`, B being Euler's beta function.
 const SERIES: [[f64; LONGEST]; 3] = series();
-/// Terms for the widest edges; `(z/4)^m` bounds the m-th one's share, and z is below 2 on every hemisphere of 4 x 4 or more samples.
+/// Terms for the widest edges; `(z/4)^m` bounds the m-th one's share, and z is below 2 on every
+/// hemisphere of 4 x 4 or more samples.
 const LONGEST: usize = 64;
 /// Up to these z, 8 and 16 terms are enough.
 const NARROW: f64 = 0.07;
@@ -149,10 +160,13 @@ const fn series() -> [[f64; LONGEST]; 3] {
 /// The first N terms of each series.
 #[inline(always)]
 fn sum<const N: usize>(z: Lanes) -> [Lanes; 3] {
-    SERIES.each_ref().map(|terms| terms[..N].iter().rev().fold(Lanes([0.0; LANES]), |sum, t| sum * z + Lanes([*t; LANES])))
+    SERIES.each_ref().map(|terms| {
+        terms[..N].iter().rev().fold(Lanes([0.0; LANES]), |sum, t| sum * z + Lanes([*t; LANES]))
+    })
 }
 
-/// Derivatives of the irradiance from the left sides of edges, per unit radiance: gradient (x, y), Hessian (xx, xy, yy).
+/// Derivatives of the irradiance from the left sides of edges, per unit radiance: gradient (x, y),
+/// Hessian (xx, xy, yy).
 #[inline(always)]
 fn share([ux, uy, uz, p]: &[Lanes; 4], [vx, vy, vz, q]: &[Lanes; 4]) -> [Lanes; 5] {
     let [ux, uy, uz, p, vx, vy, vz, q] = [*ux, *uy, *uz, *p, *vx, *vy, *vz, *q];
@@ -182,7 +196,11 @@ fn share([ux, uy, uz, p]: &[Lanes; 4], [vx, vy, vz, q]: &[Lanes; 4]) -> [Lanes; 
     let (sx, sy) = (ux * of_u + vx * of_v, uy * of_u + vy * of_v);
     let (pp, pq, qq) = (p * p, 2.0 * p * q, q * q);
     let trace = (pp + qq) * a2 + pq * b2;
-    let (uu, uv, vv) = (pp * c40 + pq * c31 + qq * c22, (pp + qq) * c31 + pq * c22, pp * c22 + pq * c31 + qq * c40);
+    let (uu, uv, vv) = (
+        pp * c40 + pq * c31 + qq * c22,
+        (pp + qq) * c31 + pq * c22,
+        pp * c22 + pq * c31 + qq * c40,
+    );
     // 4 ∫ĉĉᵀd²/g³ - Id ∫d²/g².
     let xx = 4.0 * (uu * ux * ux + 2.0 * uv * ux * vx + vv * vx * vx) - trace;
     let yy = 4.0 * (uu * uy * uy + 2.0 * uv * uy * vy + vv * vy * vy) - trace;
@@ -221,7 +239,8 @@ mod tests {
 
     /// The derivatives of the irradiance from a polygon of radiance 1.
     fn polygon(x: DVec3, corners: &[DVec3]) -> [f64; 5] {
-        let seen: Vec<Vertex> = corners.iter().map(|c| vertex(*c - x, 1.0 / (*c - x).length())).collect();
+        let seen: Vec<Vertex> =
+            corners.iter().map(|c| vertex(*c - x, 1.0 / (*c - x).length())).collect();
         let mut sum = EdgeSum::new();
         for (a, b) in seen.iter().zip(seen.iter().cycle().skip(1)) {
             sum.add(a, b, [1.0, 0.0, 0.0]);
@@ -233,14 +252,18 @@ mod tests {
     fn derivatives_agree_with_finite_differences_of_lamberts_formula() {
         let mut rng = Rng::new(11);
         for _ in 0..300 {
-            // Any triangle above the plane: near and far corners, edges up to a right angle wide, narrow ones that point at x.
+            // Any triangle above the plane: near and far corners, edges up to a right angle wide,
+            // narrow ones that point at x.
             let mut corner = || {
-                let (phi, z) = (6.3 * f64::from(rng.next_f32()), 0.05 + 0.9 * f64::from(rng.next_f32()));
+                let (phi, z) =
+                    (6.3 * f64::from(rng.next_f32()), 0.05 + 0.9 * f64::from(rng.next_f32()));
                 let r = (1.0 - z * z).sqrt();
-                DVec3::new(r * phi.cos(), r * phi.sin(), z) * 10.0_f64.powf(2.0 * f64::from(rng.next_f32()) - 0.5)
+                DVec3::new(r * phi.cos(), r * phi.sin(), z)
+                    * 10.0_f64.powf(2.0 * f64::from(rng.next_f32()) - 0.5)
             };
             let corners = [corner(), corner(), corner()];
-            let widest = (0..3).map(|k| corners[k].angle_between(corners[(k + 1) % 3])).fold(0.0, f64::max);
+            let widest =
+                (0..3).map(|k| corners[k].angle_between(corners[(k + 1) % 3])).fold(0.0, f64::max);
             let nearest = corners.iter().map(|c| c.length()).fold(f64::INFINITY, f64::min);
             if widest > 1.5 {
                 continue;
@@ -265,16 +288,20 @@ mod tests {
     #[test]
     fn the_series_meet_where_one_takes_over_from_another() {
         let lanes = |z| Lanes([z; LANES]);
-        for (short, long) in
-            [(sum::<8>(lanes(NARROW)), sum::<LONGEST>(lanes(NARROW))), (sum::<16>(lanes(WIDE)), sum::<LONGEST>(lanes(WIDE)))]
-        {
+        for (short, long) in [
+            (sum::<8>(lanes(NARROW)), sum::<LONGEST>(lanes(NARROW))),
+            (sum::<16>(lanes(WIDE)), sum::<LONGEST>(lanes(WIDE))),
+        ] {
             for (a, b) in short.iter().zip(long) {
                 assert!((a.0[0] / b.0[0] - 1.0).abs() < 1e-12, "{a:?} {b:?}");
             }
         }
         // ∫1/g is Θ/sin Θ.
         let theta = 1.2_f64;
-        assert!((sum::<LONGEST>(lanes(2.0 - 2.0 * theta.cos()))[0].0[0] - theta / theta.sin()).abs() < 1e-13);
+        assert!(
+            (sum::<LONGEST>(lanes(2.0 - 2.0 * theta.cos()))[0].0[0] - theta / theta.sin()).abs()
+                < 1e-13
+        );
     }
 
     #[test]
@@ -282,7 +309,11 @@ mod tests {
         let direction = |x: f64, y: f64| DVec3::new(x, y, 0.7);
         let at = |inverse| {
             let mut sum = EdgeSum::new();
-            sum.add(&vertex(direction(0.3, 0.1), 0.5), &vertex(direction(0.1, 0.4), inverse), [1.0; 3]);
+            sum.add(
+                &vertex(direction(0.3, 0.1), 0.5),
+                &vertex(direction(0.1, 0.4), inverse),
+                [1.0; 3],
+            );
             sum.finish()
         };
         for (limit, close) in at(0.0).iter().zip(at(1e-9)) {
@@ -292,7 +323,8 @@ mod tests {
 
     #[test]
     fn any_number_of_edges_adds_up() {
-        let corners = [DVec3::new(0.3, 0.1, 1.0), DVec3::new(-0.2, 0.5, 2.0), DVec3::new(0.1, -0.4, 1.5)];
+        let corners =
+            [DVec3::new(0.3, 0.1, 1.0), DVec3::new(-0.2, 0.5, 2.0), DVec3::new(0.1, -0.4, 1.5)];
         let once = polygon(DVec3::ZERO, &corners);
         for times in [2, 10, 11, 43] {
             let many: Vec<DVec3> = corners.iter().copied().cycle().take(3 * times).collect();

@@ -4,25 +4,28 @@ use super::HemisphereSamples;
 use crate::math::{Color, luminance};
 use std::f32::consts::{FRAC_PI_4, FRAC_PI_8, TAU};
 
-/// Sine of 10°, the elevation below which hits do not count for the minimum distance: on a concave surface the nearest hits are those along the surface
-/// itself.
+/// Sine of 10°, the elevation below which hits do not count for the minimum distance: on a concave
+/// surface the nearest hits are those along the surface itself.
 const MIN_ELEVATION: f32 = 0.173_648;
 
 /// Interleaved groups of [`HemisphereSamples::sigma`].
 const GROUPS: usize = 8;
 
 impl HemisphereSamples {
-    /// Irradiance `E = Σ Ω_k L_k cos θ_k`, with respect to the shading normal, and what light paths bring beside the rays.
+    /// Irradiance `E = Σ Ω_k L_k cos θ_k`, with respect to the shading normal, and what light paths
+    /// bring beside the rays.
     pub fn irradiance(&self) -> Color {
         let b = &self.bundle;
-        let rays: Color = (0..b.len()).map(|k| b.radiance[k] * (b.dir_local[k].z * self.solid_angle(k))).sum();
+        let rays: Color =
+            (0..b.len()).map(|k| b.radiance[k] * (b.dir_local[k].z * self.solid_angle(k))).sum();
         rays + b.joints.iter().map(|j| j.irradiance).sum::<Color>()
     }
 
     /// Standard error of the luminance of [`HemisphereSamples::irradiance`].
     ///
-    /// The strata are dealt to 8 interleaved groups g, each of which covers the whole hemisphere: `σ² = Σ_g (E_g - E)²/(8·7)`. The seed's single pair of
-    /// halves [Krivanek06, Sec. 4.3] is a one-sample version of it.
+    /// The strata are dealt to 8 interleaved groups g, each of which covers the whole hemisphere:
+    /// `σ² = Σ_g (E_g - E)²/(8·7)`. The seed's single pair of halves [Krivanek06, Sec. 4.3] is
+    /// a one-sample version of it.
     pub fn sigma(&self) -> f32 {
         let b = &self.bundle;
         let mut sums = [0.0_f32; GROUPS];
@@ -65,10 +68,14 @@ impl HemisphereSamples {
     /// Smallest distance over the rays more than 10° above the tangent plane.
     pub fn minimum_distance_restricted(&self) -> f32 {
         let b = &self.bundle;
-        (0..b.len()).filter(|&k| b.dir_local[k].z > MIN_ELEVATION).map(|k| b.distance[k]).fold(f32::INFINITY, f32::min)
+        (0..b.len())
+            .filter(|&k| b.dir_local[k].z > MIN_ELEVATION)
+            .map(|k| b.distance[k])
+            .fold(f32::INFINITY, f32::min)
     }
 
-    /// Mean distance of the nearest `fraction` of the rays, at least one of them; infinite where too many of those escaped.
+    /// Mean distance of the nearest `fraction` of the rays, at least one of them; infinite where
+    /// too many of those escaped.
     pub fn nearest_distance(&self, fraction: f32) -> f32 {
         let b = &self.bundle;
         let count = ((fraction * b.len() as f32).ceil() as usize).clamp(1, b.len());
@@ -77,8 +84,9 @@ impl HemisphereSamples {
         (low.iter().sum::<f32>() + *pivot) / count as f32
     }
 
-    /// Smallest distance in each of the eight sectors around the normal, over all rays or, if `restricted`, those more than 10° above the tangent plane: sector k is centred on azimuth 45° k, measured from
-    /// the first tangent.
+    /// Smallest distance in each of the eight sectors around the normal, over all rays or, if
+    /// `restricted`, those more than 10° above the tangent plane: sector k is centred on azimuth
+    /// 45° k, measured from the first tangent.
     pub fn sector_distances(&self, restricted: bool) -> [f32; 8] {
         let b = &self.bundle;
         let mut nearest = [f32::INFINITY; 8];

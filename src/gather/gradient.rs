@@ -5,7 +5,8 @@ use crate::math::{Color, Frame, Mat3, Vec2};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
-/// A gradient in the tangent plane: the change of irradiance per unit along each tangent of the gather's frame.
+/// A gradient in the tangent plane: the change of irradiance per unit along each tangent of the
+/// gather's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gradient {
     /// Along `frame.s`.
@@ -38,20 +39,26 @@ pub enum TranslationalGradient {
     None,
     /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Polar layout only.
     WardHeckbert,
-    /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density, but blind to occlusion changes.
+    /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density,
+    /// but blind to occlusion changes.
     PerSample,
-    /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Concentric layout only, any density.
+    /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Concentric
+    /// layout only, any density.
     Triangulated,
 }
 
-/// cos ξ at a hit is not taken below this in the per-sample gradient: 1/cos ξ has no finite variance.
+/// cos ξ at a hit is not taken below this in the per-sample gradient: 1/cos ξ has no finite
+/// variance.
 pub(super) const MIN_COS_HIT: f32 = 0.05;
 
 impl HemisphereSamples {
-    /// Rotational gradient `G = Σ Ω_k L_k (n × w_k)`: for the normal n' = n + α × n with small α, `E(n') = E + α·G`, and for a near normal n' `α = n × n'` [WardHeckbert92].
+    /// Rotational gradient `G = Σ Ω_k L_k (n × w_k)`: for the normal n' = n + α × n with small α,
+    /// `E(n') = E + α·G`, and for a near normal n' `α = n × n'` [WardHeckbert92].
     ///
-    /// Cosine-distributed rays weigh tan θ here, whose variance is infinite: no ray is given more than `1/sqrt(N)` of the hemisphere, else the few that graze the horizon
-    /// would leave splotches on curved surfaces. What is lost that way comes from less than `1/(2 sqrt(N))` above the horizon, and vanishes with growing N.
+    /// Cosine-distributed rays weigh tan θ here, whose variance is infinite: no ray is given more
+    /// than `1/sqrt(N)` of the hemisphere, else the few that graze the horizon would leave
+    /// splotches on curved surfaces. What is lost that way comes from less than `1/(2 sqrt(N))`
+    /// above the horizon, and vanishes with growing N.
     pub fn rotational_gradient(&self) -> Gradient {
         let b = &self.bundle;
         let mut g = Gradient::default();
@@ -67,27 +74,34 @@ impl HemisphereSamples {
     /// The translational gradient by the method `kind`.
     ///
     /// # Panics
-    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one, for [`TranslationalGradient::Triangulated`] on another than the concentric one; schemes are checked for
-    /// it when they are made.
+    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one, for
+    /// [`TranslationalGradient::Triangulated`] on another than the concentric one; schemes are
+    /// checked for it when they are made.
     pub fn translational_gradient(&self, kind: TranslationalGradient) -> Gradient {
         match kind {
             TranslationalGradient::None => Gradient::default(),
             TranslationalGradient::WardHeckbert => self.ward_heckbert(),
             TranslationalGradient::PerSample => self.per_sample(),
-            TranslationalGradient::Triangulated => self.triangulated(TriangleRadiance::Hybrid).gradient,
+            TranslationalGradient::Triangulated => {
+                self.triangulated(TriangleRadiance::Hybrid).gradient
+            }
         }
     }
 
-    /// The gradient of Ward and Heckbert [WardHeckbert92], in the notation of [Krivanek05]: ring j from the pole, sector k,
+    /// The gradient of Ward and Heckbert [WardHeckbert92], in the notation of [Krivanek05]: ring j
+    /// from the pole, sector k,
     ///
     /// ```text
     /// ∇E = Σ_k { u_k (2π/N) Σ_{j≥1} sin θ_j- cos² θ_j- (L_jk - L_{j-1,k}) / min(r_jk, r_{j-1,k})
     ///          + v_k- Σ_j (sin θ_j+ - sin θ_j-) (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
     /// ```
     ///
-    /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary; with cosine density sin² θ_j- = j/M.
+    /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary; with
+    /// cosine density sin² θ_j- = j/M.
     fn ward_heckbert(&self) -> Gradient {
-        let Layout::Polar { m, n } = self.layout else { panic!("the Ward-Heckbert gradient needs the polar layout") };
+        let Layout::Polar { m, n } = self.layout else {
+            panic!("the Ward-Heckbert gradient needs the polar layout")
+        };
         let (m, n) = (m as usize, n as usize);
         let b = &self.bundle;
         let sin_lower = |j: usize| self.ring_edge(j as f32 / m as f32).sin();
@@ -99,12 +113,15 @@ impl HemisphereSamples {
                 let here = j * n + k;
                 let side = j * n + before;
                 let nearer = b.distance[here].min(b.distance[side]);
-                across_sectors += (sin_lower(j + 1) - sin_lower(j)) * (b.radiance[here] - b.radiance[side]) / nearer;
+                across_sectors += (sin_lower(j + 1) - sin_lower(j))
+                    * (b.radiance[here] - b.radiance[side])
+                    / nearer;
                 if j > 0 {
                     let inner = here - n;
                     let nearer = b.distance[here].min(b.distance[inner]);
                     let sin = sin_lower(j);
-                    across_rings += sin * (1.0 - sin * sin) * (b.radiance[here] - b.radiance[inner]) / nearer;
+                    across_rings +=
+                        sin * (1.0 - sin * sin) * (b.radiance[here] - b.radiance[inner]) / nearer;
                 }
             }
             let (middle, lower) = (TAU * (k as f32 + 0.5) / n as f32, TAU * k as f32 / n as f32);
@@ -114,8 +131,9 @@ impl HemisphereSamples {
         g
     }
 
-    /// The per-sample gradient: a hit q at distance r with normal n_q seen under cos ξ stands for a fixed patch, so `∇(Ω cos θ) = Ω cos θ (n_q/(r cos ξ) + 4 w/r)` [Krivanek05, Eq. 10-11 for the
-    /// cosine-weighted solid angle]. Escaped rays contribute nothing.
+    /// The per-sample gradient: a hit q at distance r with normal n_q seen under cos ξ stands for a
+    /// fixed patch, so `∇(Ω cos θ) = Ω cos θ (n_q/(r cos ξ) + 4 w/r)` [Krivanek05, Eq. 10-11 for
+    /// the cosine-weighted solid angle]. Escaped rays contribute nothing.
     fn per_sample(&self) -> Gradient {
         let b = &self.bundle;
         let mut g = Gradient::default();

@@ -1,10 +1,12 @@
-//! Second derivatives of irradiance by the position of the receiver: the type, the estimator that knows no occlusion, and how much surroundings could curve it.
+//! Second derivatives of irradiance by the position of the receiver: the type, the estimator that
+//! knows no occlusion, and how much surroundings could curve it.
 
 use super::gradient::MIN_COS_HIT;
 use super::{Gradient, HemisphereSamples};
 use crate::math::{Color, DMat2, Vec2};
 
-/// A Hessian in the tangent plane, per channel: `½ (ss x² + 2 st x y + tt y²)` is the second-order change of irradiance at x along `frame.s`, y along `frame.t`.
+/// A Hessian in the tangent plane, per channel: `½ (ss x² + 2 st x y + tt y²)` is the second-order
+/// change of irradiance at x along `frame.s`, y along `frame.t`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hessian {
     /// Twice along `frame.s`.
@@ -47,13 +49,16 @@ pub struct Derivatives {
 }
 
 impl HemisphereSamples {
-    /// The Hessian by which each hit stands for a fixed patch that keeps its radiance and its visibility [Jarosz12]: a hit in direction w at distance r, whose normal n_q is seen under cos ξ, has
+    /// The Hessian by which each hit stands for a fixed patch that keeps its radiance and its
+    /// visibility [Jarosz12]: a hit in direction w at distance r, whose normal n_q is seen under
+    /// cos ξ, has
     ///
     /// ```text
     /// ∇²(Ω cos θ) = Ω cos θ/r² (24 w wᵀ - 4 Id + 4 (n_q wᵀ + w n_qᵀ)/cos ξ)
     /// ```
     ///
-    /// in the tangent plane. Any layout and density; blind to occlusion; escaped rays contribute nothing.
+    /// in the tangent plane. Any layout and density; blind to occlusion; escaped rays contribute
+    /// nothing.
     pub fn unoccluded_hessian(&self) -> Hessian {
         let b = &self.bundle;
         let mut h = Hessian::default();
@@ -74,15 +79,18 @@ impl HemisphereSamples {
         h
     }
 
-    /// How strongly surroundings of unit radiance at these distances could curve irradiance along each direction, if what the rays see had nothing to do with each other: `Σ Ω cos θ 24 w wᵀ/r²`,
-    /// the part of [`HemisphereSamples::unoccluded_hessian`] that no sign cancels. Symmetric and positive.
+    /// How strongly surroundings of unit radiance at these distances could curve irradiance along
+    /// each direction, if what the rays see had nothing to do with each other: `Σ Ω cos θ 24 w
+    /// wᵀ/r²`, the part of [`HemisphereSamples::unoccluded_hessian`] that no sign cancels.
+    /// Symmetric and positive.
     pub fn geometric_curvature(&self) -> DMat2 {
         let b = &self.bundle;
         let mut sum = DMat2::ZERO;
         for (k, &r) in b.distance.iter().enumerate() {
             if r > 0.0 {
                 let w = b.dir_local[k].truncate().as_dvec2();
-                let scale = 24.0 * f64::from(b.dir_local[k].z * self.solid_angle(k)) / f64::from(r).powi(2);
+                let scale =
+                    24.0 * f64::from(b.dir_local[k].z * self.solid_angle(k)) / f64::from(r).powi(2);
                 sum += scale * DMat2::from_cols(w * w.x, w * w.y);
             }
         }
@@ -93,6 +101,9 @@ impl HemisphereSamples {
     pub fn geometric_slope(&self) -> f32 {
         let b = &self.bundle;
         let terms = b.dir_local.iter().zip(&b.distance).enumerate();
-        terms.filter(|(_, (_, r))| **r > 0.0).map(|(k, (w, r))| 4.0 * w.truncate().length() * w.z * self.solid_angle(k) / r).sum()
+        terms
+            .filter(|(_, (_, r))| **r > 0.0)
+            .map(|(k, (w, r))| 4.0 * w.truncate().length() * w.z * self.solid_angle(k) / r)
+            .sum()
     }
 }

@@ -1,4 +1,5 @@
-//! What a gather saw, kept as patches of the surfaces around: the reference to which extrapolated coefficients are compared.
+//! What a gather saw, kept as patches of the surfaces around: the reference to which extrapolated
+//! coefficients are compared.
 
 use super::HemisphereSamples;
 use super::gradient::MIN_COS_HIT;
@@ -18,7 +19,8 @@ pub struct StoredHit {
 }
 
 impl StoredHit {
-    /// The direction to the patch from `x` and the solid angle that it takes up there; `None` if it shows its back. Next to a patch the solid angle of a disc bounds it, `cos ξ A/(r² + A/π)`.
+    /// The direction to the patch from `x` and the solid angle that it takes up there; `None` if it
+    /// shows its back. Next to a patch the solid angle of a disc bounds it, `cos ξ A/(r² + A/π)`.
     pub fn seen_from(&self, x: Vec3) -> Option<(Vec3, f32)> {
         if self.normal == Vec3::ZERO {
             return Some((self.position, self.area));
@@ -32,17 +34,25 @@ impl StoredHit {
 }
 
 impl HemisphereSamples {
-    /// The hits of a gather that started from `x`: `L_r(x') = Σ_j L_j f(x', wo, w_j) cos θ_j cos ξ_j A_j/r_j²` is what a surface beside it reflects [Zhao, Eq. 3.38], `A_j = Ω_j r_j²/cos ξ_j`.
+    /// The hits of a gather that started from `x`: `L_r(x') = Σ_j L_j f(x', wo, w_j) cos θ_j cos
+    /// ξ_j A_j/r_j²` is what a surface beside it reflects [Zhao, Eq. 3.38], `A_j = Ω_j r_j²/cos
+    /// ξ_j`.
     pub fn stored_hits(&self, x: Vec3) -> Vec<StoredHit> {
         let b = &self.bundle;
         let hit = |k: usize| {
-            let (w, r, solid_angle) = (self.frame.to_world(b.dir_local[k]), b.distance[k], self.solid_angle(k));
+            let (w, r, solid_angle) =
+                (self.frame.to_world(b.dir_local[k]), b.distance[k], self.solid_angle(k));
             let radiance = b.radiance[k];
             if !r.is_finite() || b.normal[k] == Vec3::ZERO {
                 return StoredHit { position: w, normal: Vec3::ZERO, area: solid_angle, radiance };
             }
             let cos = (-b.normal[k].dot(w)).max(MIN_COS_HIT);
-            StoredHit { position: x + r * w, normal: b.normal[k], area: solid_angle * r * r / cos, radiance }
+            StoredHit {
+                position: x + r * w,
+                normal: b.normal[k],
+                area: solid_angle * r * r / cos,
+                radiance,
+            }
         };
         (0..b.len()).map(hit).collect()
     }

@@ -8,7 +8,8 @@ use std::f32::consts::TAU;
 /// How the strata of a hemisphere are arranged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// `m` rings of equal weight times `n` sectors; sample `j * n + k` lies in ring j (from the pole) and sector k. The gradient of Ward and Heckbert needs it; `n ≈ π m` makes
+    /// `m` rings of equal weight times `n` sectors; sample `j * n + k` lies in ring j (from the
+    /// pole) and sector k. The gradient of Ward and Heckbert needs it; `n ≈ π m` makes
     /// the strata about square.
     Polar {
         /// Rings.
@@ -16,7 +17,8 @@ pub enum Layout {
         /// Sectors.
         n: u32,
     },
-    /// `n × n` strata of the square, mapped to the disk by concentric squares [Shirley97] and lifted to the hemisphere; sample `j * n + i`.
+    /// `n × n` strata of the square, mapped to the disk by concentric squares [Shirley97] and
+    /// lifted to the hemisphere; sample `j * n + i`.
     Concentric {
         /// Strata along each side.
         n: u32,
@@ -44,11 +46,13 @@ impl Density {
     }
 }
 
-/// Directions are kept this far above the horizon (cos θ), where harmonics with odd m have unbounded derivatives and rays graze the surface they start from.
+/// Directions are kept this far above the horizon (cos θ), where harmonics with odd m have
+/// unbounded derivatives and rays graze the surface they start from.
 const MIN_COS: f32 = 1e-3;
 
 impl Layout {
-    /// The polar layout of about `rays` rays with nearly square strata, `n ≈ π m`, and at least 2 × 4 of them.
+    /// The polar layout of about `rays` rays with nearly square strata, `n ≈ π m`, and at least 2 ×
+    /// 4 of them.
     pub fn polar(rays: u32) -> Self {
         let m = ((rays as f32 / std::f32::consts::PI).sqrt().round() as u32).max(2);
         Self::Polar { m, n: (rays as f32 / m as f32).round().max(4.0) as u32 }
@@ -86,19 +90,28 @@ impl Layout {
     }
 
     /// Fills one jittered direction per stratum, and its density per steradian.
-    pub fn directions(self, density: Density, seed: u64, dir_local: &mut Vec<Vec3>, pdf: &mut Vec<f32>) {
+    pub fn directions(
+        self,
+        density: Density,
+        seed: u64,
+        dir_local: &mut Vec<Vec3>,
+        pdf: &mut Vec<f32>,
+    ) {
         let mut rng = Rng::new(seed);
         for k in 0..self.rays() {
             let (row, column) = self.cell(k);
             let u = rng.next_2d();
-            // (x, y) on the unit disk of a cosine-weighted direction; a uniform one has its radius replaced.
+            // (x, y) on the unit disk of a cosine-weighted direction; a uniform one has its radius
+            // replaced.
             let disk = match self {
                 Self::Polar { m, n } => {
                     let radius = ((row as f32 + u.x) / m as f32).sqrt();
                     let (sin, cos) = (TAU * (column as f32 + u.y) / n as f32).sin_cos();
                     radius * Vec2::new(cos, sin)
                 }
-                Self::Concentric { n } => square_to_disk((Vec2::new(column as f32, row as f32) + u) / n as f32),
+                Self::Concentric { n } => {
+                    square_to_disk((Vec2::new(column as f32, row as f32) + u) / n as f32)
+                }
             };
             let r2 = disk.length_squared().min(1.0);
             let (w, p) = match density {
@@ -107,7 +120,9 @@ impl Layout {
                     (disk.extend(z), z * INV_PI)
                 }
                 // cos θ = 1 - r² is uniform; the radius becomes sin θ = r sqrt(2 - r²).
-                Density::Uniform => ((disk * (2.0 - r2).sqrt()).extend((1.0 - r2).max(MIN_COS)), 0.5 * INV_PI),
+                Density::Uniform => {
+                    ((disk * (2.0 - r2).sqrt()).extend((1.0 - r2).max(MIN_COS)), 0.5 * INV_PI)
+                }
             };
             dir_local.push(w.normalize());
             pdf.push(p);
@@ -128,8 +143,12 @@ mod tests {
                 assert_eq!(w.len(), layout.rays());
                 let e: f32 = w.iter().zip(&p).map(|(w, p)| w.z / p).sum::<f32>() / w.len() as f32;
                 assert!((e - std::f32::consts::PI).abs() < 0.01, "{layout:?} {density:?} {e}");
-                let z2: f32 = w.iter().zip(&p).map(|(w, p)| w.z * w.z / p).sum::<f32>() / w.len() as f32;
-                assert!((z2 - std::f32::consts::TAU / 3.0).abs() < 0.02, "{layout:?} {density:?} {z2}");
+                let z2: f32 =
+                    w.iter().zip(&p).map(|(w, p)| w.z * w.z / p).sum::<f32>() / w.len() as f32;
+                assert!(
+                    (z2 - std::f32::consts::TAU / 3.0).abs() < 0.02,
+                    "{layout:?} {density:?} {z2}"
+                );
                 assert!(w.iter().all(|w| (w.length() - 1.0).abs() < 1e-5 && w.z > 0.0));
             }
         }

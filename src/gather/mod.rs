@@ -1,8 +1,10 @@
-//! The hemisphere gather that every caching scheme shares: where rays go, what they bring back, and the estimates made from it.
+//! The hemisphere gather that every caching scheme shares: where rays go, what they bring back, and
+//! the estimates made from it.
 //!
-//! A gather knows no scene. It fills the directions of a [`Bundle`], a [`RadianceProbe`] fills in what each ray sees, and the pure functions of
-//! [`HemisphereSamples`] turn that into irradiance, its error, distances to the surroundings and gradients. Local directions are in the frame of the surface point:
-//! z is the shading normal.
+//! A gather knows no scene. It fills the directions of a [`Bundle`], a [`RadianceProbe`] fills in
+//! what each ray sees, and the pure functions of [`HemisphereSamples`] turn that into irradiance,
+//! its error, distances to the surroundings and gradients. Local directions are in the frame of the
+//! surface point: z is the shading normal.
 
 mod coefficients;
 mod edge;
@@ -42,22 +44,26 @@ pub enum HitKind {
     Environment,
 }
 
-/// How a probe finds the change of the radiance that arrives from a hit when the receiver moves. It is seen from another direction then, which matters where the hit is glossy [Zhao, Sec. 3.8].
+/// How a probe finds the change of the radiance that arrives from a hit when the receiver moves. It
+/// is seen from another direction then, which matters where the hit is glossy [Zhao, Sec. 3.8].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HitChange {
     /// Not at all: what a hit sends out is the same in all directions.
     #[default]
     None,
-    /// The reflection of what was traced from the hit is evaluated again towards receivers a little aside.
+    /// The reflection of what was traced from the hit is evaluated again towards receivers a little
+    /// aside.
     Frozen,
     /// The same by the derivative of the lobe where the hit is a Phong lobe [Zhao, Eq. 3.45].
     Analytic,
-    /// The same by the lobes of the hit as harmonics represent them, so far as these are tabulated [Zhao, Eq. 3.46-3.47]: as smooth as the record.
+    /// The same by the lobes of the hit as harmonics represent them, so far as these are tabulated
+    /// [Zhao, Eq. 3.46-3.47]: as smooth as the record.
     Harmonics,
 }
 
-/// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`, `pdf` and `seed`, the probe the rest.
+/// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`,
+/// `pdf` and `seed`, the probe the rest.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// Unit directions in the local frame, z > 0.
@@ -70,7 +76,8 @@ pub struct Bundle {
     pub radiance: Vec<Color>,
     /// Distance to what each ray hit, infinite where it hit nothing.
     pub distance: Vec<f32>,
-    /// Unit normal at the hit, world space, facing the point of the gather; zero where there is no surface.
+    /// Unit normal at the hit, world space, facing the point of the gather; zero where there is no
+    /// surface.
     pub normal: Vec<Vec3>,
     /// What each ray met.
     pub kind: Vec<HitKind>,
@@ -78,7 +85,9 @@ pub struct Bundle {
     pub seed: u64,
     /// How the probe is to fill in `change`.
     pub hit_change: HitChange,
-    /// The change of `radiance` per unit that the receiver moves along each tangent of its frame, what lights the hits staying as it is. Empty if the probe was not asked for it or cannot tell.
+    /// The change of `radiance` per unit that the receiver moves along each tangent of its frame,
+    /// what lights the hits staying as it is. Empty if the probe was not asked for it or cannot
+    /// tell.
     pub change: [Vec<Color>; 2],
     /// Light paths that the probe is asked to join with the point of the gather; 0 for none.
     pub light_paths: u32,
@@ -86,7 +95,9 @@ pub struct Bundle {
     pub joints: Vec<Joint>,
 }
 
-/// A place on a light path, joined with the point of a gather: a source of indirect light beside the hits of its rays. The probe weighs it against the rays that could have hit the same place, and those against it.
+/// A place on a light path, joined with the point of a gather: a source of indirect light beside
+/// the hits of its rays. The probe weighs it against the rays that could have hit the same place,
+/// and those against it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
     /// From the point of the gather, world space.
@@ -127,23 +138,34 @@ impl Bundle {
     }
 }
 
-/// Whatever can tell the light arriving at a surface point: our own tracer, a host renderer's callback, an analytic field in a test.
+/// Whatever can tell the light arriving at a surface point: our own tracer, a host renderer's
+/// callback, an analytic field in a test.
 pub trait RadianceProbe: Sync {
-    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at `from`, and `joints` if it knows how to and is asked to.
+    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at
+    /// `from`, and `joints` if it knows how to and is asked to.
     ///
-    /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by the camera. Indirect light at the hits may be taken from
-    /// `deeper`, whose caches are finished.
+    /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by
+    /// the camera. Indirect light at the hits may be taken from `deeper`, whose caches are
+    /// finished.
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle);
 
-    /// Places on the light sources that direct light reaches `from` and its surroundings from; `bundle` are the answered rays of the gather there. `None` for a probe that knows of indirect light alone.
-    fn lights<'a>(&'a self, _from: &SurfacePoint, _bundle: &Bundle, _choice: LightChoice) -> Option<Box<dyn DirectLight + 'a>> {
+    /// Places on the light sources that direct light reaches `from` and its surroundings from;
+    /// `bundle` are the answered rays of the gather there. `None` for a probe that knows of
+    /// indirect light alone.
+    fn lights<'a>(
+        &'a self,
+        _from: &SurfacePoint,
+        _bundle: &Bundle,
+        _choice: LightChoice,
+    ) -> Option<Box<dyn DirectLight + 'a>> {
         None
     }
 }
 
 /// Indirect light at hit points, from the finished caches of deeper bounces.
 pub trait Deeper: Sync {
-    /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path; `None` where no record is valid.
+    /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path;
+    /// `None` where no record is valid.
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
 }
 
@@ -168,7 +190,11 @@ pub struct HemisphereSamples {
 impl HemisphereSamples {
     /// An empty gather; its buffers are reused by every [`HemisphereSamples::gather`].
     pub fn new(layout: Layout, density: Density) -> Self {
-        Self { frame: Frame::from_normal(Vec3::Z), layout, bundle: Bundle { density, ..Bundle::default() } }
+        Self {
+            frame: Frame::from_normal(Vec3::Z),
+            layout,
+            bundle: Bundle { density, ..Bundle::default() },
+        }
     }
 
     /// The same with `count` light paths joined to every gather.
@@ -191,11 +217,24 @@ impl HemisphereSamples {
         (s.len() == self.bundle.len() && t.len() == s.len() && !s.is_empty()).then_some([s, t])
     }
 
-    /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random choice of the probe.
-    pub fn gather(&mut self, probe: &dyn RadianceProbe, at: &SurfacePoint, level: u8, deeper: &dyn Deeper, seed: u64) {
+    /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random
+    /// choice of the probe.
+    pub fn gather(
+        &mut self,
+        probe: &dyn RadianceProbe,
+        at: &SurfacePoint,
+        level: u8,
+        deeper: &dyn Deeper,
+        seed: u64,
+    ) {
         self.frame = at.frame;
         self.bundle.reset(self.layout.rays());
-        self.layout.directions(self.bundle.density, seed, &mut self.bundle.dir_local, &mut self.bundle.pdf);
+        self.layout.directions(
+            self.bundle.density,
+            seed,
+            &mut self.bundle.dir_local,
+            &mut self.bundle.pdf,
+        );
         self.bundle.seed = crate::sampling::hash(&[seed, 1]);
         probe.incoming(at, level, deeper, &mut self.bundle);
     }

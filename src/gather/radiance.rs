@@ -12,13 +12,16 @@ use std::f32::consts::TAU;
 pub enum RadianceGradient {
     /// None: records are extrapolated by their value.
     None,
-    /// Central differences over a small displacement, each sample a patch that keeps its radiance [Krivanek05, Sec. 4.3].
+    /// Central differences over a small displacement, each sample a patch that keeps its radiance
+    /// [Krivanek05, Sec. 4.3].
     Displacement,
     /// The same patches, differentiated [Krivanek05, Eq. 7-11].
     PerSample,
-    /// Moving boundaries between strata, each with its own weight; sees silhouettes. Polar layout only.
+    /// Moving boundaries between strata, each with its own weight; sees silhouettes. Polar layout
+    /// only.
     Boundary,
-    /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and has second derivatives. Concentric layout and spherical harmonics only.
+    /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and has
+    /// second derivatives. Concentric layout and spherical harmonics only.
     Triangulated,
 }
 
@@ -31,27 +34,34 @@ const MIN_COS_HIT: f32 = 0.05;
 const DISPLACEMENT: f32 = 1e-3;
 
 impl HemisphereSamples {
-    /// The coefficients `λ_i = Σ Ω_k L_k B_i(w_k)` of incident radiance, in the frame of the gather. Their cosine-weighted sum is the very estimate of
+    /// The coefficients `λ_i = Σ Ω_k L_k B_i(w_k)` of incident radiance, in the frame of the
+    /// gather. Their cosine-weighted sum is the very estimate of
     /// [`HemisphereSamples::irradiance`] when the basis contains the cosine.
     pub fn project(&self, basis: &dyn Basis) -> Coefficients {
         let b = &self.bundle;
         let mut sums = Sums::new(basis);
         for first in (0..b.len()).step_by(LANES) {
             let sample = |k: usize| first + k < b.len();
-            let w = std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
-            let weights =
-                std::array::from_fn(
-                    |k| if sample(k) { b.radiance[first + k] * self.solid_angle(first + k) } else { Color::ZERO },
-                );
+            let w =
+                std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
+            let weights = std::array::from_fn(|k| {
+                if sample(k) {
+                    b.radiance[first + k] * self.solid_angle(first + k)
+                } else {
+                    Color::ZERO
+                }
+            });
             sums.add(basis, &w, &weights);
         }
         sums.finish()
     }
 
-    /// How uncertain incident light is: the coefficients of `v(w) = Ω(w) var L(w)`, the variance of the luminance of a sample from its stratum times the solid angle that it stands for, in the frame of the gather. What a lobe c makes of
-    /// the samples has the variance `∫ c² v dw`.
+    /// How uncertain incident light is: the coefficients of `v(w) = Ω(w) var L(w)`, the variance of
+    /// the luminance of a sample from its stratum times the solid angle that it stands for, in the
+    /// frame of the gather. What a lobe c makes of the samples has the variance `∫ c² v dw`.
     ///
-    /// The variance within a stratum is taken for half the mean square of its differences to the next ones in both directions.
+    /// The variance within a stratum is taken for half the mean square of its differences to the
+    /// next ones in both directions.
     pub fn uncertainty(&self, basis: &dyn Basis) -> Vec<f32> {
         let b = &self.bundle;
         let (row, rows) = match self.layout {
@@ -68,31 +78,47 @@ impl HemisphereSamples {
                 let square = |other: usize| luminance(b.radiance[k] - b.radiance[other]).powi(2);
                 0.25 * (square(aside) + square(across)) * self.solid_angle(k).powi(2)
             };
-            let w = std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
-            sums.add(basis, &w, &std::array::from_fn(|k| if sample(k) { variance(first + k) * Color::X } else { Color::ZERO }));
+            let w =
+                std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
+            sums.add(
+                basis,
+                &w,
+                &std::array::from_fn(|k| {
+                    if sample(k) { variance(first + k) * Color::X } else { Color::ZERO }
+                }),
+            );
         }
         let mut coefficients = sums.finish();
         coefficients.truncate(basis.count());
         coefficients
     }
 
-    /// The change of the coefficients per unit along each tangent of the gather's frame, by the method `kind`.
+    /// The change of the coefficients per unit along each tangent of the gather's frame, by the
+    /// method `kind`.
     ///
     /// # Panics
-    /// For [`RadianceGradient::Boundary`] on another layout than the polar one, for [`RadianceGradient::Triangulated`] on another than the concentric one; schemes are checked for it when they are made.
-    pub fn radiance_gradient(&self, basis: &dyn Basis, kind: RadianceGradient) -> [Coefficients; 2] {
+    /// For [`RadianceGradient::Boundary`] on another layout than the polar one, for
+    /// [`RadianceGradient::Triangulated`] on another than the concentric one; schemes are checked
+    /// for it when they are made.
+    pub fn radiance_gradient(
+        &self,
+        basis: &dyn Basis,
+        kind: RadianceGradient,
+    ) -> [Coefficients; 2] {
         match kind {
             RadianceGradient::None => std::array::from_fn(|_| vec![0.0; 3 * basis.count()]),
             RadianceGradient::Displacement => self.displacement(basis),
             RadianceGradient::PerSample => self.per_sample_radiance(basis),
             RadianceGradient::Boundary => self.boundary(basis),
             RadianceGradient::Triangulated => {
-                self.radiance_derivatives(&Sh::new(basis.order()), TriangleRadiance::Hybrid, false).gradient
+                self.radiance_derivatives(&Sh::new(basis.order()), TriangleRadiance::Hybrid, false)
+                    .gradient
             }
         }
     }
 
-    /// The gradient of Ward and Heckbert [WardHeckbert92] with a basis function H in place of the cosine: where two strata of different radiance meet, the boundary moves with the nearer
+    /// The gradient of Ward and Heckbert [WardHeckbert92] with a basis function H in place of the
+    /// cosine: where two strata of different radiance meet, the boundary moves with the nearer
     /// of the two hits, and what it sweeps is weighed by H there. Ring j from the pole, sector k,
     ///
     /// ```text
@@ -100,9 +126,12 @@ impl HemisphereSamples {
     ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-) (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
     /// ```
     ///
-    /// No derivative of H, no normal at the hit. The zonal factor of H is the same for all sectors, so the sums over j are made before the trigonometric factor is applied.
+    /// No derivative of H, no normal at the hit. The zonal factor of H is the same for all sectors,
+    /// so the sums over j are made before the trigonometric factor is applied.
     fn boundary(&self, basis: &dyn Basis) -> [Coefficients; 2] {
-        let Layout::Polar { m, n } = self.layout else { panic!("the boundary gradient needs the polar layout") };
+        let Layout::Polar { m, n } = self.layout else {
+            panic!("the boundary gradient needs the polar layout")
+        };
         let (m, n) = (m as usize, n as usize);
         let edges: Vec<f32> = (0..=m).map(|j| self.ring_edge(j as f32 / m as f32)).collect();
         let middles: Vec<f32> = edges.windows(2).map(|e| 0.5 * (e[0] + e[1])).collect();
@@ -110,7 +139,9 @@ impl HemisphereSamples {
         let width = at_edges.len() / m;
         let b = &self.bundle;
         // What the boundary between two samples sweeps per unit of displacement, before its weight.
-        let swept = |here: usize, there: usize| (b.radiance[here] - b.radiance[there]) / b.distance[here].min(b.distance[there]);
+        let swept = |here: usize, there: usize| {
+            (b.radiance[here] - b.radiance[there]) / b.distance[here].min(b.distance[there])
+        };
 
         let mut gradient = [vec![0.0; 3 * basis.count()], vec![0.0; 3 * basis.count()]];
         let mut rings = vec![0.0; 3 * width];
@@ -144,7 +175,8 @@ impl HemisphereSamples {
         }
     }
 
-    /// A hit q at distance r with normal n_q seen under cos ξ stands for a fixed patch: `∇Ω = Ω (n_q/(r cos ξ) + 3 w/r)`, and the direction to it moves, `∇B = -∇_S B / r`. In Cartesian
+    /// A hit q at distance r with normal n_q seen under cos ξ stands for a fixed patch: `∇Ω = Ω
+    /// (n_q/(r cos ξ) + 3 w/r)`, and the direction to it moves, `∇B = -∇_S B / r`. In Cartesian
     /// form, where the polar form has 0/0 at the pole. Escaped rays contribute nothing.
     fn per_sample_radiance(&self, basis: &dyn Basis) -> [Coefficients; 2] {
         let b = &self.bundle;
@@ -168,7 +200,9 @@ impl HemisphereSamples {
         sums.map(|s| s.into_iter().map(|x| x as f32).collect())
     }
 
-    /// As [`Self::per_sample_radiance`], by evaluating the patches from two displaced points on either side along each tangent. A patch that would sink below the horizon or show its back counts as unmoved.
+    /// As [`Self::per_sample_radiance`], by evaluating the patches from two displaced points on
+    /// either side along each tangent. A patch that would sink below the horizon or show its back
+    /// counts as unmoved.
     fn displacement(&self, basis: &dyn Basis) -> [Coefficients; 2] {
         let b = &self.bundle;
         let step = DISPLACEMENT * b.distance.iter().copied().fold(f32::INFINITY, f32::min);
@@ -180,7 +214,11 @@ impl HemisphereSamples {
             let mut lanes = Vec::with_capacity(LANES);
             let mut flush = |lanes: &mut Vec<(Vec3, Color)>| {
                 let lane = |k: usize| lanes.get(k).copied().unwrap_or((Vec3::Z, Color::ZERO));
-                sums.add(basis, &std::array::from_fn(|k| lane(k).0), &std::array::from_fn(|k| lane(k).1));
+                sums.add(
+                    basis,
+                    &std::array::from_fn(|k| lane(k).0),
+                    &std::array::from_fn(|k| lane(k).1),
+                );
                 lanes.clear();
             };
             for k in (0..b.len()).filter(|&k| b.distance[k].is_finite()) {
@@ -216,7 +254,10 @@ struct Sums {
 
 impl Sums {
     fn new(basis: &dyn Basis) -> Self {
-        Self { values: vec![Lane::default(); basis.count()], sums: vec![[Lane::default(); 3]; basis.count()] }
+        Self {
+            values: vec![Lane::default(); basis.count()],
+            sums: vec![[Lane::default(); 3]; basis.count()],
+        }
     }
 
     fn add(&mut self, basis: &dyn Basis, w: &[Vec3; LANES], weights: &[Color; LANES]) {
@@ -240,7 +281,11 @@ impl Sums {
 fn zonal(basis: &dyn Basis, angles: &[f32]) -> Vec<f32> {
     let (mut lanes, mut out) = (Vec::new(), Vec::new());
     for chunk in angles.chunks(LANES) {
-        zonal_factors(basis, &std::array::from_fn(|k| chunk.get(k).copied().unwrap_or(0.0).cos()), &mut lanes);
+        zonal_factors(
+            basis,
+            &std::array::from_fn(|k| chunk.get(k).copied().unwrap_or(0.0).cos()),
+            &mut lanes,
+        );
         for k in 0..chunk.len() {
             out.extend(lanes.iter().map(|lane| lane[k]));
         }
@@ -257,8 +302,15 @@ fn accumulate(sums: &mut [f32], zonal: &[f32], weight: Color) {
     }
 }
 
-/// Adds sums over zonal factors, times the trigonometric factors at azimuth `phi`, along `direction`.
-fn spread(basis: &dyn Basis, sums: &[f32], phi: f32, direction: Vec2, gradient: &mut [Coefficients; 2]) {
+/// Adds sums over zonal factors, times the trigonometric factors at azimuth `phi`, along
+/// `direction`.
+fn spread(
+    basis: &dyn Basis,
+    sums: &[f32],
+    phi: f32,
+    direction: Vec2,
+    gradient: &mut [Coefficients; 2],
+) {
     let (width, count) = (sums.len() / 3, basis.count());
     for m in 0..basis.order() {
         let (sin, cos) = (m as f32 * phi).sin_cos();

@@ -1,4 +1,5 @@
-//! What a gather saw as point sources that stay where they are, so that irradiance can be had beside the point, and under another normal, without tracing a ray.
+//! What a gather saw as point sources that stay where they are, so that irradiance can be had
+//! beside the point, and under another normal, without tracing a ray.
 
 use super::HemisphereSamples;
 use super::gradient::MIN_COS_HIT;
@@ -16,9 +17,11 @@ pub struct Arrival {
     pub light: Color,
 }
 
-/// Places on the light sources, chosen once for the surroundings of a point. The same places are asked about everywhere: what differs from one point to the next is light, not noise.
+/// Places on the light sources, chosen once for the surroundings of a point. The same places are
+/// asked about everywhere: what differs from one point to the next is light, not noise.
 pub trait DirectLight {
-    /// Appends what arrives at each of `points` from each place, point by point. The irradiance at a point is the sum of its arrivals times the cosine.
+    /// Appends what arrives at each of `points` from each place, point by point. The irradiance at
+    /// a point is the sum of its arrivals times the cosine.
     fn arriving(&self, points: &[Vec3], out: &mut Vec<Arrival>);
 }
 
@@ -29,7 +32,8 @@ pub struct LightChoice {
     pub samples: u32,
     /// Of the directions of the gather's rays every so many stand for the environment.
     pub every: u32,
-    /// Only those in which its rays met the environment: enough for the point itself, but beside it others are free.
+    /// Only those in which its rays met the environment: enough for the point itself, but beside
+    /// it others are free.
     pub seen: bool,
     /// Seed of all choices.
     pub seed: u64,
@@ -55,15 +59,20 @@ struct Lane {
 
 /// Indirect light of a gather as equivalent point sources [Ribardiere11, Eq. 8-13].
 ///
-/// A hit at y whose normal is n_y stands for a diffuse patch of the area `A = Ω r²/cos ξ` with the radiance L that the ray brought. At x', beside the gather in its tangent plane, it gives
+/// A hit at y whose normal is n_y stands for a diffuse patch of the area `A = Ω r²/cos ξ` with the
+/// radiance L that the ray brought. At x', beside the gather in its tangent plane, it gives
 ///
 /// ```text
 /// F' = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)        E(x') = Σ L F' · Σ F/Σ F'
 /// ```
 ///
-/// and F' = 0 behind its own plane. A/π keeps a source finite that the point comes close to; what is infinitely far, and what is seen at a grazing angle, keeps its F. At the gather itself the sum is
-/// [`HemisphereSamples::irradiance`]. The published sum is without the last factor. But beside a wall the patches that were seen are left behind, and those ahead were hardly seen: the patches cover less than the
-/// hemisphere that x' has, too, and corners come out dark by tens of percents. The factor spreads what there is over all of it; in a uniform world irradiance does not change at all.
+/// and F' = 0 behind its own plane. A/π keeps a source finite that the point comes close to; what
+/// is infinitely far, and what is seen at a grazing angle, keeps its F. At the gather itself the
+/// sum is [`HemisphereSamples::irradiance`]. The published sum is without the last factor. But
+/// beside a wall the patches that were seen are left behind, and those ahead were hardly seen: the
+/// patches cover less than the hemisphere that x' has, too, and corners come out dark by tens of
+/// percents. The factor spreads what there is over all of it; in a uniform world irradiance does
+/// not change at all.
 pub struct PointSources<'a> {
     samples: &'a HemisphereSamples,
     lanes: Vec<Lane>,
@@ -93,7 +102,13 @@ impl HemisphereSamples {
                 continue;
             }
             let area = solid_angle * r * r / cosine;
-            lanes.push(Source { at: r * w, against, area, weight: factor, radiance: b.radiance[k] });
+            lanes.push(Source {
+                at: r * w,
+                against,
+                area,
+                weight: factor,
+                radiance: b.radiance[k],
+            });
         }
         let joints = b.joints.iter().map(|j| Source {
             at: self.frame.to_local(j.offset),
@@ -120,14 +135,16 @@ impl Lane {
     /// Lanes of all `sources`.
     fn all(sources: impl ExactSizeIterator<Item = Source>) -> Vec<Self> {
         // What is not filled is nowhere near a place where it could divide by zero.
-        let mut lanes = vec![Self { z: [1.0; LANES], ..Self::default() }; sources.len().div_ceil(LANES)];
+        let mut lanes =
+            vec![Self { z: [1.0; LANES], ..Self::default() }; sources.len().div_ceil(LANES)];
         for (k, source) in sources.enumerate() {
             let (lane, k) = (&mut lanes[k / LANES], k % LANES);
             let (squared, area) = (source.at.length_squared(), source.area * INV_PI);
             let facing = source.against.dot(source.at);
             (lane.x[k], lane.y[k], lane.z[k]) = source.at.into();
             (lane.nx[k], lane.ny[k], lane.nz[k]) = source.against.into();
-            (lane.area[k], lane.weight[k]) = (area, source.weight * squared * (squared + area) / facing);
+            (lane.area[k], lane.weight[k]) =
+                (area, source.weight * squared * (squared + area) / facing);
             (0..3).for_each(|c| lane.radiance[c][k] = source.radiance[c]);
         }
         lanes
@@ -153,7 +170,8 @@ impl Lane {
 }
 
 impl PointSources<'_> {
-    /// Irradiance at the place `d` in the tangent plane of the gather, scene units along its tangents.
+    /// Irradiance at the place `d` in the tangent plane of the gather, scene units along its
+    /// tangents.
     pub fn irradiance_at(&self, d: Vec2) -> Color {
         let (mut sums, mut factors) = ([[0.0_f32; LANES]; 3], [0.0_f32; LANES]);
         self.lanes.iter().for_each(|lane| lane.add(d, &mut sums, &mut factors));
@@ -165,10 +183,13 @@ impl PointSources<'_> {
         spread + Color::from_array(joined.map(|s| s.iter().sum()))
     }
 
-    /// Irradiance on a surface through the point of the gather whose normal is tilted by `angle` towards the unit tangent `towards`, local [Ribardiere11, Eq. 20].
+    /// Irradiance on a surface through the point of the gather whose normal is tilted by `angle`
+    /// towards the unit tangent `towards`, local [Ribardiere11, Eq. 20].
     ///
-    /// The gather has not seen what lies below its own tangent plane. That wedge, which a surface of unit radiance would give `π (1 - cos angle)/2` by, is taken to shine as what lies just above the plane on its
-    /// side; without it a tilt would darken every scene whose walls go on there.
+    /// The gather has not seen what lies below its own tangent plane. That wedge, which a surface
+    /// of unit radiance would give `π (1 - cos angle)/2` by, is taken to shine as what lies just
+    /// above the plane on its side; without it a tilt would darken every scene whose walls go
+    /// on there.
     pub fn irradiance_tilted(&self, towards: Vec2, angle: f32) -> Color {
         let b = &self.samples.bundle;
         let (sin, cos) = angle.sin_cos();

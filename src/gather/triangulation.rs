@@ -1,7 +1,11 @@
-//! The surroundings of a point as a triangle mesh over the samples of one hemisphere, and the derivatives of irradiance from it.
+//! The surroundings of a point as a triangle mesh over the samples of one hemisphere, and the
+//! derivatives of irradiance from it.
 //!
-//! Neighbouring samples are connected into triangles of constant radiance whose corners are the hits [Schwarzhaupt12]. A triangle between a near and a far hit stands for the silhouette in between: when the
-//! receiver moves, it grows or shrinks as the occluder uncovers or hides what lies behind. So the mesh has derivatives that know of occlusion, although nothing in it is occluded.
+//! Neighbouring samples are connected into triangles of constant radiance whose corners are the
+//! hits [Schwarzhaupt12]. A triangle between a near and a far hit stands for the silhouette in
+//! between: when the receiver moves, it grows or shrinks as the occluder uncovers or hides what
+//! lies behind. So the mesh has derivatives that know of occlusion, although nothing in it is
+//! occluded.
 
 use super::edge::{EdgeSum, Vertex};
 use super::{Derivatives, Gradient, HemisphereSamples, Hessian, Layout};
@@ -12,44 +16,57 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TriangleRadiance {
-    /// That of its farthest corner: what a silhouette uncovers or hides lies behind it [Schwarzhaupt12]. Texture on a continuous surface is displaced by up to a sample.
+    /// That of its farthest corner: what a silhouette uncovers or hides lies behind it
+    /// [Schwarzhaupt12]. Texture on a continuous surface is displaced by up to a sample.
     Farthest,
-    /// The mean of the corners that are nearly as far as the farthest one: the mean on a continuous surface, the far side across a silhouette.
+    /// The mean of the corners that are nearly as far as the farthest one: the mean on a continuous
+    /// surface, the far side across a silhouette.
     Hybrid,
 }
 
-/// A corner counts as being as far as the farthest if that is no more than this multiple of its distance.
+/// A corner counts as being as far as the farthest if that is no more than this multiple of its
+/// distance.
 const NEARLY_AS_FAR: f64 = 1.5;
 
-/// The samples of a concentric layout with the ring of vertices on the horizon that closes the mesh.
+/// The samples of a concentric layout with the ring of vertices on the horizon that closes the
+/// mesh.
 ///
-/// Vertex `j n + i` is sample (j, i); ring vertices follow in the order of the samples along the grid's border, counter-clockwise. Every square of four samples is cut along the diagonal from (j, i+1)
-/// to (j+1, i). The winding of triangles is that of the grid: jitter may turn a few of them over, and their shares then cancel what their neighbours have too much.
+/// Vertex `j n + i` is sample (j, i); ring vertices follow in the order of the samples along the
+/// grid's border, counter-clockwise. Every square of four samples is cut along the diagonal from
+/// (j, i+1) to (j+1, i). The winding of triangles is that of the grid: jitter may turn a few of
+/// them over, and their shares then cancel what their neighbours have too much.
 pub(super) struct Mesh {
     n: usize,
     pub vertices: Vec<Vertex>,
     radiance: Vec<Color>,
     /// Radiance of the triangle at the lower corner (j, i) of each square, then of the other one.
     squares: Vec<[Color; 2]>,
-    /// Radiance of the two triangles outside each edge of the grid's border: the one that touches the ring with an edge, then the one that touches it with a corner.
+    /// Radiance of the two triangles outside each edge of the grid's border: the one that touches
+    /// the ring with an edge, then the one that touches it with a corner.
     skirt: Vec<[Color; 2]>,
 }
 
 impl HemisphereSamples {
-    /// Gradient and Hessian of irradiance from the triangulated hemisphere; `rule` gives the triangles their radiance.
+    /// Gradient and Hessian of irradiance from the triangulated hemisphere; `rule` gives the
+    /// triangles their radiance.
     ///
-    /// The outermost samples do not reach the horizon; a mesh that ends with them is a lit cap in a black world, with a gradient and a Hessian of its own. So each of them is continued straight down
-    /// to the horizon at its distance. The gradient is consistent with occlusion. So is the Hessian, but for corners where a silhouette crosses another edge, and its error falls only as the
-    /// distance between samples: good enough for radii.
+    /// The outermost samples do not reach the horizon; a mesh that ends with them is a lit cap in a
+    /// black world, with a gradient and a Hessian of its own. So each of them is continued straight
+    /// down to the horizon at its distance. The gradient is consistent with occlusion. So is
+    /// the Hessian, but for corners where a silhouette crosses another edge, and its error falls
+    /// only as the distance between samples: good enough for radii.
     ///
-    /// Where the probe told how the radiance of hits changes with the receiver's position ([`HitChange`](super::HitChange)), the gradient has the term `Σ Ω_k cos θ_k ∇L_k`, and the Hessian the products of that change with the
-    /// motion of the mesh; the second derivatives of L_k are left out.
+    /// Where the probe told how the radiance of hits changes with the receiver's position
+    /// ([`HitChange`](super::HitChange)), the gradient has the term `Σ Ω_k cos θ_k ∇L_k`, and the
+    /// Hessian the products of that change with the motion of the mesh; the second derivatives
+    /// of L_k are left out.
     ///
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.
     pub fn triangulated(&self, rule: TriangleRadiance) -> Derivatives {
         let color = |c: [f64; 3]| Color::from_array(c.map(|c| c as f32));
-        let [mut x, mut y, mut xx, mut xy, mut yy] = Mesh::new(self, &self.bundle.radiance, rule).sum().map(color);
+        let [mut x, mut y, mut xx, mut xy, mut yy] =
+            Mesh::new(self, &self.bundle.radiance, rule).sum().map(color);
         if let Some(change) = self.change() {
             let cosine = |k: usize| self.bundle.dir_local[k].z * self.solid_angle(k);
             let [along_s, along_t] = &change;
@@ -61,23 +78,31 @@ impl HemisphereSamples {
             xy += st + ts;
             yy += 2.0 * tt;
         }
-        Derivatives { gradient: Gradient { s: x, t: y }, hessian: Hessian { ss: xx, st: xy, tt: yy } }
+        Derivatives {
+            gradient: Gradient { s: x, t: y },
+            hessian: Hessian { ss: xx, st: xy, tt: yy },
+        }
     }
 }
 
 impl Mesh {
-    /// The mesh over `samples`, whose triangles have a radiance made of `of_samples`, one value for each sample.
+    /// The mesh over `samples`, whose triangles have a radiance made of `of_samples`, one value for
+    /// each sample.
     pub fn new(samples: &HemisphereSamples, of_samples: &[Color], rule: TriangleRadiance) -> Self {
-        let Layout::Concentric { n } = samples.layout else { panic!("the triangulated hemisphere needs the concentric layout") };
+        let Layout::Concentric { n } = samples.layout else {
+            panic!("the triangulated hemisphere needs the concentric layout")
+        };
         let n = n as usize;
         let b = &samples.bundle;
         let ring = 4 * (n - 1);
         let mut vertices = Vec::with_capacity(n * n + ring);
         vertices.extend(b.dir_local.iter().zip(&b.distance).map(|(w, r)| {
-            // Of unit length in single precision; one step of Newton's gives it that in double precision.
+            // Of unit length in single precision; one step of Newton's gives it that in double
+            // precision.
             let w = w.as_dvec3();
             let w = w * (1.5 - 0.5 * w.length_squared());
-            // Something at distance 0 would be infinitely important; it is taken to be as far as the smallest normal number.
+            // Something at distance 0 would be infinitely important; it is taken to be as far as
+            // the smallest normal number.
             [w.x, w.y, w.z, 1.0 / f64::from(r.max(f32::MIN_POSITIVE))]
         }));
         let mut radiance = Vec::with_capacity(n * n + ring);
@@ -86,22 +111,33 @@ impl Mesh {
             let sample = Self::border(n, k);
             let [x, y, _, inverse] = vertices[sample];
             let length = x.hypot(y);
-            vertices.push(if length > 0.0 { [x / length, y / length, 0.0, inverse] } else { [1.0, 0.0, 0.0, inverse] });
+            vertices.push(if length > 0.0 {
+                [x / length, y / length, 0.0, inverse]
+            } else {
+                [1.0, 0.0, 0.0, inverse]
+            });
             radiance.push(of_samples[sample]);
         }
-        let mut mesh =
-            Self { n, vertices, radiance, squares: Vec::with_capacity((n - 1) * (n - 1)), skirt: Vec::with_capacity(ring) };
+        let mut mesh = Self {
+            n,
+            vertices,
+            radiance,
+            squares: Vec::with_capacity((n - 1) * (n - 1)),
+            skirt: Vec::with_capacity(ring),
+        };
         for j in 0..n - 1 {
             for i in 0..n - 1 {
                 let k = j * n + i;
-                let square = [[k, k + 1, k + n], [k + n + 1, k + n, k + 1]].map(|t| mesh.triangle(t, rule));
+                let square =
+                    [[k, k + 1, k + n], [k + n + 1, k + n, k + 1]].map(|t| mesh.triangle(t, rule));
                 mesh.squares.push(square);
             }
         }
         for k in 0..ring {
             let (here, next) = (Self::border(n, k), Self::border(n, k + 1));
             let (below, below_next) = (n * n + k, n * n + (k + 1) % ring);
-            let skirt = [[here, below, below_next], [here, below_next, next]].map(|t| mesh.triangle(t, rule));
+            let skirt = [[here, below, below_next], [here, below_next, next]]
+                .map(|t| mesh.triangle(t, rule));
             mesh.skirt.push(skirt);
         }
         mesh
@@ -140,7 +176,8 @@ impl Mesh {
         sum / count
     }
 
-    /// Gradient and Hessian in the tangent plane, per channel. Only edges between triangles of different radiance count.
+    /// Gradient and Hessian in the tangent plane, per channel. Only edges between triangles of
+    /// different radiance count.
     fn sum(&self) -> [[f64; 3]; 5] {
         let mut sum = EdgeSum::new();
         self.edges(|a, b, left, right| {
@@ -151,7 +188,8 @@ impl Mesh {
         sum.finish()
     }
 
-    /// Calls `visit(a, b, left, right)` for every edge from vertex a to vertex b between triangles of radiance `left` and `right`; outside the mesh it is black.
+    /// Calls `visit(a, b, left, right)` for every edge from vertex a to vertex b between triangles
+    /// of radiance `left` and `right`; outside the mesh it is black.
     #[inline]
     pub fn edges(&self, mut visit: impl FnMut(usize, usize, Color, Color)) {
         let n = self.n;
@@ -200,17 +238,24 @@ mod tests {
     fn furnace(n: u32, seed: u64, radiance: impl Fn(usize) -> Color) -> HemisphereSamples {
         let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine);
         samples.bundle.reset(samples.layout.rays());
-        samples.layout.directions(Density::Cosine, seed, &mut samples.bundle.dir_local, &mut samples.bundle.pdf);
+        samples.layout.directions(
+            Density::Cosine,
+            seed,
+            &mut samples.bundle.dir_local,
+            &mut samples.bundle.pdf,
+        );
         let mut rng = Rng::new(seed);
         for k in 0..samples.bundle.len() {
             // Half of the rays leave the scene.
-            samples.bundle.distance[k] = if k % 2 == 0 { 0.5 + 3.5 * rng.next_f32() } else { f32::INFINITY };
+            samples.bundle.distance[k] =
+                if k % 2 == 0 { 0.5 + 3.5 * rng.next_f32() } else { f32::INFINITY };
             samples.bundle.radiance[k] = radiance(k);
         }
         samples
     }
 
-    /// Every edge of every triangle, one triangle at a time: what the sum over differences must equal. Also irradiance, by Lambert's formula.
+    /// Every edge of every triangle, one triangle at a time: what the sum over differences must
+    /// equal. Also irradiance, by Lambert's formula.
     fn one_by_one(samples: &HemisphereSamples, rule: TriangleRadiance) -> (f64, [f64; 5]) {
         let mesh = Mesh::new(samples, &samples.bundle.radiance, rule);
         let (n, across, ring) = (mesh.n, mesh.n - 1, mesh.skirt.len());
@@ -247,7 +292,8 @@ mod tests {
         for n in [4, 9, 32, 96] {
             for seed in 0..4 {
                 let samples = furnace(n, seed, |_| Color::ONE);
-                let sum = Mesh::new(&samples, &samples.bundle.radiance, TriangleRadiance::Hybrid).sum();
+                let sum =
+                    Mesh::new(&samples, &samples.bundle.radiance, TriangleRadiance::Hybrid).sum();
                 assert!(sum.iter().flatten().all(|x| x.abs() < 1e-9), "{n}: {sum:?}");
                 let (e, each) = one_by_one(&samples, TriangleRadiance::Hybrid);
                 assert!((e - std::f64::consts::PI).abs() < 1e-9, "{e}");
@@ -261,7 +307,8 @@ mod tests {
         let samples = furnace(24, 7, |k| Color::splat((k % 7) as f32));
         for rule in [TriangleRadiance::Farthest, TriangleRadiance::Hybrid] {
             let d = samples.triangulated(rule);
-            let edges = [d.gradient.s.x, d.gradient.t.x, d.hessian.ss.x, d.hessian.st.x, d.hessian.tt.x];
+            let edges =
+                [d.gradient.s.x, d.gradient.t.x, d.hessian.ss.x, d.hessian.st.x, d.hessian.tt.x];
             let (_, each) = one_by_one(&samples, rule);
             for (a, b) in edges.iter().zip(each) {
                 assert!((f64::from(*a) - b).abs() < 1e-5 * (1.0 + b.abs()), "{rule:?} {a} {b}");
@@ -280,7 +327,8 @@ mod tests {
         let [a, b] = [&samples, &turned].map(|s| s.triangulated(TriangleRadiance::Hybrid));
         let parts = |d: &Derivatives| {
             let [x, y, xx, xy, yy] =
-                [d.gradient.s, d.gradient.t, d.hessian.ss, d.hessian.st, d.hessian.tt].map(|c| f64::from(c.x));
+                [d.gradient.s, d.gradient.t, d.hessian.ss, d.hessian.st, d.hessian.tt]
+                    .map(|c| f64::from(c.x));
             (DVec2::new(x, y), DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy)))
         };
         let ((g, h), (g1, h1)) = (parts(&a), parts(&b));

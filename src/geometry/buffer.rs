@@ -4,7 +4,8 @@ use std::fmt;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-/// An array that a mesh owns, or that somebody else keeps for it, unchanged for as long as it is used here.
+/// An array that a mesh owns, or that somebody else keeps for it, unchanged for as long as it is
+/// used here.
 #[derive(Clone)]
 pub struct Buffer<T>(Kept<T>);
 

@@ -16,7 +16,8 @@ pub struct TriangleMesh {
     pub name: String,
     /// Vertex positions, finite.
     pub positions: Buffer<Vec3>,
-    /// Vertex indices of each triangle, all below `positions.len()`; the front face is the one whose vertices run counter-clockwise.
+    /// Vertex indices of each triangle, all below `positions.len()`; the front face is the one
+    /// whose vertices run counter-clockwise.
     pub indices: Buffer<[u32; 3]>,
     /// Shading normals, unit length; `None` means flat shading.
     pub normals: Option<Vec<Vec3>>,
@@ -83,7 +84,8 @@ impl Aabb {
         if self.is_empty() { 0.0 } else { (self.max - self.min).length() }
     }
 
-    /// True if a ray from `origin` meets the box; `inverse` holds one over each component of its direction, infinite ones for zeros.
+    /// True if a ray from `origin` meets the box; `inverse` holds one over each component of its
+    /// direction, infinite ones for zeros.
     #[inline]
     pub fn is_met(&self, origin: Vec3, inverse: Vec3) -> bool {
         let (a, b) = ((self.min - origin) * inverse, (self.max - origin) * inverse);
@@ -100,12 +102,13 @@ impl Aabb {
 }
 
 impl Geometry {
-    /// The three world-space corners of a triangle, in the order of its front face as seen in the world: a mirroring
-    /// instance keeps the mesh's front face in front, as glTF demands.
+    /// The three world-space corners of a triangle, in the order of its front face as seen in the
+    /// world: a mirroring instance keeps the mesh's front face in front, as glTF demands.
     pub fn triangle(&self, instance: u32, triangle: u32) -> [Vec3; 3] {
         let inst = &self.instances[instance as usize];
         let mesh = &self.meshes[inst.mesh as usize];
-        let [a, b, c] = mesh.indices[triangle as usize].map(|i| inst.to_world.transform_point3(mesh.positions[i as usize]));
+        let [a, b, c] = mesh.indices[triangle as usize]
+            .map(|i| inst.to_world.transform_point3(mesh.positions[i as usize]));
         if inst.to_world.matrix3.determinant() < 0.0 { [a, c, b] } else { [a, b, c] }
     }
 
@@ -113,7 +116,9 @@ impl Geometry {
     pub fn bounds(&self) -> Aabb {
         self.instances.iter().fold(Aabb::EMPTY, |bounds, inst| {
             let mesh = &self.meshes[inst.mesh as usize];
-            mesh.indices.iter().flatten().fold(bounds, |b, &i| b.with(inst.to_world.transform_point3(mesh.positions[i as usize])))
+            mesh.indices.iter().flatten().fold(bounds, |b, &i| {
+                b.with(inst.to_world.transform_point3(mesh.positions[i as usize]))
+            })
         })
     }
 

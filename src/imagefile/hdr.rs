@@ -24,13 +24,15 @@ const MAX_PIXELS: u64 = 1 << 27;
 /// The most pixels that a byte of a Radiance file can become: generous for its run lengths.
 const MAX_PIXELS_PER_BYTE: u64 = 1024;
 
-/// Reads an environment from `path`, whose content decides the format: Radiance HDR, or OpenEXR (its `R`, `G`, `B` or `Y` channels, else those of the first
-/// layer that has all three). Negative values, which filters ring into such pictures, become 0.
+/// Reads an environment from `path`, whose content decides the format: Radiance HDR, or OpenEXR
+/// (its `R`, `G`, `B` or `Y` channels, else those of the first layer that has all three). Negative
+/// values, which filters ring into such pictures, become 0.
 ///
 /// A Radiance file's `EXPOSURE` is not applied, as in most renderers.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Image`] for damaged files and for NaN or infinite values, naming the pixel.
+/// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Image`] for damaged files and
+/// for NaN or infinite values, naming the pixel.
 pub fn read_environment(path: &Path) -> Result<RgbImage> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
@@ -38,7 +40,11 @@ pub fn read_environment(path: &Path) -> Result<RgbImage> {
     } else if bytes.starts_with(b"#?") {
         decode_radiance(&bytes)
     } else {
-        return Err(Error::unsupported(path, "", "is neither a Radiance .hdr nor an OpenEXR file; convert it to one of them"));
+        return Err(Error::unsupported(
+            path,
+            "",
+            "is neither a Radiance .hdr nor an OpenEXR file; convert it to one of them",
+        ));
     };
     image.and_then(sound).map_err(|what| Error::image(path, what))
 }
@@ -61,7 +67,10 @@ fn decode_radiance(bytes: &[u8]) -> std::result::Result<RgbImage, String> {
         return Err(format!("has no pixels ({width} x {height})"));
     }
     if pixels > MAX_PIXELS || pixels > (bytes.len() as u64).saturating_mul(MAX_PIXELS_PER_BYTE) {
-        return Err(format!("claims {width} x {height} pixels, which {} bytes cannot hold or memory should not", bytes.len()));
+        return Err(format!(
+            "claims {width} x {height} pixels, which {} bytes cannot hold or memory should not",
+            bytes.len()
+        ));
     }
     let mut samples = vec![0f32; pixels as usize * 3];
     decoder.read_image(bytemuck::cast_slice_mut(&mut samples)).map_err(broken)?;
@@ -71,13 +80,21 @@ fn decode_radiance(bytes: &[u8]) -> std::result::Result<RgbImage, String> {
 
 fn from_layers(layers: Layers) -> std::result::Result<RgbImage, String> {
     if layers.crop.is_some() {
-        return Err("its data window is not its display window; an environment must be whole".to_owned());
+        return Err(
+            "its data window is not its display window; an environment must be whole".to_owned()
+        );
     }
     let plane = |name: &str| layers.channel(name).map(|c| c.samples.as_slice());
-    let triple =
-        |prefix: &str| Some([plane(&format!("{prefix}R"))?, plane(&format!("{prefix}G"))?, plane(&format!("{prefix}B"))?]);
+    let triple = |prefix: &str| {
+        Some([
+            plane(&format!("{prefix}R"))?,
+            plane(&format!("{prefix}G"))?,
+            plane(&format!("{prefix}B"))?,
+        ])
+    };
     let gray = || plane("Y").map(|y| [y; 3]);
-    let layered = || layers.channels.iter().filter_map(|c| c.name.strip_suffix('R')).find_map(triple);
+    let layered =
+        || layers.channels.iter().filter_map(|c| c.name.strip_suffix('R')).find_map(triple);
     let [r, g, b] = triple("").or_else(gray).or_else(layered).ok_or_else(|| {
         let names: Vec<_> = layers.channels.iter().take(16).map(|c| c.name.as_str()).collect();
         format!("has no R, G and B channels, only {}", names.join(", "))
@@ -128,10 +145,14 @@ mod tests {
 
     #[test]
     fn hostile_radiance_headers_are_refused_before_memory_is_asked_for() {
-        for (size, what) in
-            [("-Y 1000000 +X 1000000", "cannot hold"), ("-Y 0 +X 5", "no pixels"), ("-Y 9 +X 9", "not a readable"), ("", "not a")]
-        {
-            let (_dir, path) = saved("a.hdr", format!("#?RGBE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").as_bytes());
+        for (size, what) in [
+            ("-Y 1000000 +X 1000000", "cannot hold"),
+            ("-Y 0 +X 5", "no pixels"),
+            ("-Y 9 +X 9", "not a readable"),
+            ("", "not a"),
+        ] {
+            let (_dir, path) =
+                saved("a.hdr", format!("#?RGBE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").as_bytes());
             let error = read_environment(&path).unwrap_err().to_string();
             assert!(error.contains(what) && error.contains("a.hdr"), "{error}");
         }
@@ -141,17 +162,23 @@ mod tests {
 
     #[test]
     fn layers_become_an_environment() {
-        let rgb = |prefix: &str| ["R", "G", "B"].map(|c| channel(&format!("{prefix}{c}"), &[1.0, -0.5])).to_vec();
+        let rgb = |prefix: &str| {
+            ["R", "G", "B"].map(|c| channel(&format!("{prefix}{c}"), &[1.0, -0.5])).to_vec()
+        };
         let layers = |channels| Layers { width: 2, height: 1, channels, ..Layers::default() };
         let expected = [Color::ONE, Color::ZERO];
         for channels in [rgb(""), rgb("Combined."), vec![channel("Y", &[1.0, -0.5])]] {
             assert_eq!(from_layers(layers(channels)).and_then(sound).unwrap().pixels, expected);
         }
-        assert!(from_layers(layers(vec![channel("Z", &[1.0, 1.0])])).unwrap_err().contains("only Z"));
-        let cropped = Layers { crop: Some(Crop { origin: [1, 0], whole: [4, 4] }), ..layers(rgb("")) };
+        assert!(
+            from_layers(layers(vec![channel("Z", &[1.0, 1.0])])).unwrap_err().contains("only Z")
+        );
+        let cropped =
+            Layers { crop: Some(Crop { origin: [1, 0], whole: [4, 4] }), ..layers(rgb("")) };
         assert!(from_layers(cropped).unwrap_err().contains("data window"));
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let error = from_layers(layers(vec![channel("Y", &[0.0, bad])])).and_then(sound).unwrap_err();
+            let error =
+                from_layers(layers(vec![channel("Y", &[0.0, bad])])).and_then(sound).unwrap_err();
             assert!(error.contains("column 1, row 0"), "{error}");
         }
     }

@@ -5,7 +5,9 @@ use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::math::Color;
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits};
+use image::{
+    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -18,18 +20,26 @@ const MAX_PIXELS_PER_BYTE_PNG: u64 = 8 * 1032;
 /// The most pixels that a byte can become: blocks of 64 pixels in at least one bit.
 const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 
-/// Decodes a PNG, JPEG or WebP file, told apart by content. 16-bit files keep their precision, all others become 8 bits; gray is repeated into
-/// R, G and B; missing alpha is opaque. The values are the file's: no profile, gamma or orientation is applied, as glTF wants it [glTF20, 3.8.3].
+/// Decodes a PNG, JPEG or WebP file, told apart by content. 16-bit files keep their precision, all
+/// others become 8 bits; gray is repeated into R, G and B; missing alpha is opaque. The values are
+/// the file's: no profile, gamma or orientation is applied, as glTF wants it [glTF20, 3.8.3].
 ///
 /// # Errors
-/// What is wrong, without the file's name: another format, damage, no pixels, more than [`MAX_SIZE`] columns or rows.
+/// What is wrong, without the file's name: another format, damage, no pixels, more than
+/// [`MAX_SIZE`] columns or rows.
 pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
-        Ok(other) => return Err(format!("is a {} image; only PNG, JPEG and WebP can be read", other.extensions_str()[0])),
+        Ok(other) => {
+            return Err(format!(
+                "is a {} image; only PNG, JPEG and WebP can be read",
+                other.extensions_str()[0]
+            ));
+        }
         Err(_) => return Err("is not a PNG, JPEG or WebP image".to_owned()),
     };
-    let broken = |e: image::ImageError| format!("not a readable {} image: {e}", format.extensions_str()[0]);
+    let broken =
+        |e: image::ImageError| format!("not a readable {} image: {e}", format.extensions_str()[0]);
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_SIZE);
     limits.max_image_height = Some(MAX_SIZE);
@@ -43,7 +53,9 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
         return Err(format!("has no pixels ({width} x {height})"));
     }
     if width > MAX_SIZE || height > MAX_SIZE {
-        return Err(format!("has {width} x {height} pixels, more than {MAX_SIZE} in a row or column"));
+        return Err(format!(
+            "has {width} x {height} pixels, more than {MAX_SIZE} in a row or column"
+        ));
     }
     let per_byte = match format {
         ImageFormat::Png => MAX_PIXELS_PER_BYTE_PNG,
@@ -51,14 +63,20 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
         _ => u64::MAX, // A lossless WebP of one colour takes no bits per pixel.
     };
     if pixels > (bytes.len() as u64).saturating_mul(per_byte) {
-        return Err(format!("claims {width} x {height} pixels, which {} bytes cannot hold", bytes.len()));
+        return Err(format!(
+            "claims {width} x {height} pixels, which {} bytes cannot hold",
+            bytes.len()
+        ));
     }
     limits.reserve(decoder.total_bytes()).map_err(broken)?;
     decoder.set_limits(limits).map_err(broken)?;
     let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
     let deep = matches!(
         image,
-        DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_) | DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_)
+        DynamicImage::ImageLuma16(_)
+            | DynamicImage::ImageLumaA16(_)
+            | DynamicImage::ImageRgb16(_)
+            | DynamicImage::ImageRgba16(_)
     );
     let pixels = if deep {
         TexturePixels::Rgba16(image.into_rgba16().pixels().map(|p| p.0).collect())
@@ -68,14 +86,19 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
     Ok(TextureImage { width, height, pixels })
 }
 
-/// Writes `rgb8`, three bytes per pixel row by row from the top, as a PNG through a temporary file and a rename.
+/// Writes `rgb8`, three bytes per pixel row by row from the top, as a PNG through a temporary file
+/// and a rename.
 ///
 /// # Errors
-/// [`Error::Image`] when the length of `rgb8` does not fit, [`Error::Io`] when the file cannot be written; both name it.
+/// [`Error::Image`] when the length of `rgb8` does not fit, [`Error::Io`] when the file cannot be
+/// written; both name it.
 pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
     let needed = u64::from(width) * u64::from(height) * 3;
     if needed == 0 || needed != rgb8.len() as u64 {
-        return Err(Error::image(path, format!("{} bytes for {width} x {height} pixels", rgb8.len())));
+        return Err(Error::image(
+            path,
+            format!("{} bytes for {width} x {height} pixels", rgb8.len()),
+        ));
     }
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
@@ -84,7 +107,8 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()
     write_atomically(path, &bytes)
 }
 
-/// Linear colours as sRGB bytes: scaled by 2 to the power `exposure_ev`, clamped to the unit interval, encoded [IEC61966, Section 5], rounded. NaN becomes 0.
+/// Linear colours as sRGB bytes: scaled by 2 to the power `exposure_ev`, clamped to the unit
+/// interval, encoded [IEC61966, Section 5], rounded. NaN becomes 0.
 pub fn to_srgb8(linear: &[Color], exposure_ev: f32) -> Vec<u8> {
     let scale = exposure_ev.exp2();
     linear.iter().flat_map(|c| c.to_array()).map(|x| to_byte(encode_srgb(x * scale))).collect()
@@ -95,7 +119,8 @@ fn to_byte(x: f32) -> u8 {
     (x * 255.0 + 0.5) as u8
 }
 
-/// The sRGB encoding of a linear value: 12.92 x up to 0.0031308, then 1.055 x^(1/2.4) - 0.055 [IEC61966, Section 5]; clamps to the unit interval, keeps NaN.
+/// The sRGB encoding of a linear value: 12.92 x up to 0.0031308, then 1.055 x^(1/2.4) - 0.055
+/// [IEC61966, Section 5]; clamps to the unit interval, keeps NaN.
 pub fn encode_srgb(linear: f32) -> f32 {
     let x = linear.clamp(0.0, 1.0);
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
@@ -119,20 +144,29 @@ mod tests {
 
     #[test]
     fn every_depth_of_png_decodes_to_what_it_holds() {
-        let gray16 = DynamicImage::ImageLuma16(ImageBuffer::from_raw(2, 1, vec![0x1234, 0xffff]).unwrap());
+        let gray16 =
+            DynamicImage::ImageLuma16(ImageBuffer::from_raw(2, 1, vec![0x1234, 0xffff]).unwrap());
         assert_eq!(
             decode(&encoded(&gray16, ImageFormat::Png)).unwrap().pixels,
             TexturePixels::Rgba16(vec![[0x1234, 0x1234, 0x1234, 0xffff], [0xffff; 4]])
         );
-        let rgba16 = DynamicImage::ImageRgba16(ImageBuffer::from_raw(1, 1, vec![1, 2, 3, 4]).unwrap());
-        assert_eq!(decode(&encoded(&rgba16, ImageFormat::Png)).unwrap().pixels, TexturePixels::Rgba16(vec![[1, 2, 3, 4]]));
-        let gray_alpha = DynamicImage::ImageLumaA8(ImageBuffer::from_raw(1, 2, vec![9, 8, 7, 6]).unwrap());
+        let rgba16 =
+            DynamicImage::ImageRgba16(ImageBuffer::from_raw(1, 1, vec![1, 2, 3, 4]).unwrap());
+        assert_eq!(
+            decode(&encoded(&rgba16, ImageFormat::Png)).unwrap().pixels,
+            TexturePixels::Rgba16(vec![[1, 2, 3, 4]])
+        );
+        let gray_alpha =
+            DynamicImage::ImageLumaA8(ImageBuffer::from_raw(1, 2, vec![9, 8, 7, 6]).unwrap());
         let decoded = decode(&encoded(&gray_alpha, ImageFormat::Png)).unwrap();
         assert_eq!((decoded.width, decoded.height), (1, 2));
         assert_eq!(decoded.pixels, TexturePixels::Rgba8(vec![[9, 9, 9, 8], [7, 7, 7, 6]]));
         let rgb = DynamicImage::ImageRgb8(ImageBuffer::from_raw(1, 1, vec![1, 2, 3]).unwrap());
         for format in [ImageFormat::Png, ImageFormat::WebP] {
-            assert_eq!(decode(&encoded(&rgb, format)).unwrap().pixels, TexturePixels::Rgba8(vec![[1, 2, 3, 255]]));
+            assert_eq!(
+                decode(&encoded(&rgb, format)).unwrap().pixels,
+                TexturePixels::Rgba8(vec![[1, 2, 3, 255]])
+            );
         }
     }
 
@@ -140,7 +174,9 @@ mod tests {
     fn png(size: [u32; 2], depth: u8, color: u8, chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
         let crc = |bytes: &[u8]| {
             !bytes.iter().fold(!0u32, |crc, &b| {
-                (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 })
+                (0..8).fold(crc ^ u32::from(b), |c, _| {
+                    if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }
+                })
             })
         };
         let mut header = [size[0].to_be_bytes(), size[1].to_be_bytes()].concat();
@@ -161,16 +197,30 @@ mod tests {
 
     /// One stored (uncompressed) zlib block.
     fn stored(data: &[u8]) -> Vec<u8> {
-        let (a, b) = data.iter().fold((1u32, 0u32), |(a, b), &x| ((a + u32::from(x)) % 65521, (b + a + u32::from(x)) % 65521));
+        let (a, b) = data.iter().fold((1u32, 0u32), |(a, b), &x| {
+            ((a + u32::from(x)) % 65521, (b + a + u32::from(x)) % 65521)
+        });
         let n = data.len() as u16;
-        [&[0x78, 1, 1][..], &n.to_le_bytes(), &(!n).to_le_bytes(), data, &(b << 16 | a).to_be_bytes()].concat()
+        [
+            &[0x78, 1, 1][..],
+            &n.to_le_bytes(),
+            &(!n).to_le_bytes(),
+            data,
+            &(b << 16 | a).to_be_bytes(),
+        ]
+        .concat()
     }
 
     #[test]
     fn palettes_and_packed_bits_are_expanded() {
         let palette: &[u8] = &[10, 20, 30, 40, 50, 60];
         // Two bits per pixel: indices 1, 0, 1, 1; index 0 half transparent.
-        let file = png([4, 1], 2, 3, &[(b"PLTE", palette), (b"tRNS", &[128]), (b"IDAT", &stored(&[0, 0b0100_0101]))]);
+        let file = png(
+            [4, 1],
+            2,
+            3,
+            &[(b"PLTE", palette), (b"tRNS", &[128]), (b"IDAT", &stored(&[0, 0b0100_0101]))],
+        );
         let (one, zero) = ([40, 50, 60, 255], [10, 20, 30, 128]);
         assert_eq!(decode(&file).unwrap().pixels, TexturePixels::Rgba8(vec![one, zero, one, one]));
         let file = png([3, 1], 1, 0, &[(b"IDAT", &stored(&[0, 0b1010_0000]))]);

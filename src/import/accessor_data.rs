@@ -5,10 +5,15 @@ use super::budget::Budget;
 use super::json::{Fault, Parsed};
 use super::layout::Component;
 
-/// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element lies outside the declared bounds.
+/// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element
+/// lies outside the declared bounds.
 ///
 /// `work` bounds the bytes that are looked at: thousands of accessors may share the same ones.
-pub(super) fn check(accessors: &Accessors, work: &mut Budget, warnings: &mut Vec<String>) -> Parsed<()> {
+pub(super) fn check(
+    accessors: &Accessors,
+    work: &mut Budget,
+    warnings: &mut Vec<String>,
+) -> Parsed<()> {
     let mut loose = 0;
     for accessor in &accessors.list {
         if let (Some(layout), Some(_)) = (accessor.layout, accessor.view) {
@@ -17,7 +22,9 @@ pub(super) fn check(accessors: &Accessors, work: &mut Budget, warnings: &mut Vec
         loose += usize::from(check_one(accessors, accessor)?);
     }
     if loose > 0 {
-        warnings.push(format!("{loose} accessors declare bounds wider than their data, which changes nothing here"));
+        warnings.push(format!(
+            "{loose} accessors declare bounds wider than their data, which changes nothing here"
+        ));
     }
     Ok(())
 }
@@ -62,7 +69,10 @@ fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
                 }
             }
         }
-        None if overrides.as_ref().is_none_or(|(places, _)| (places.len() as u64) < accessor.count) => {
+        None if overrides
+            .as_ref()
+            .is_none_or(|(places, _)| (places.len() as u64) < accessor.count) =>
+        {
             (0..components).try_for_each(|k| visit(0, k, 0.0))?;
         }
         None => {}
@@ -84,7 +94,11 @@ fn compare(accessor: &Accessor, float: bool, extents: &[Extent]) -> Parsed<bool>
         let Some(bounds) = &accessor.bounds[side] else { continue };
         for (k, (declared, extent)) in bounds.iter().zip(extents).enumerate() {
             // A declared bound was rounded to some decimals on its way through the text.
-            let slack = if float { 1e-4 * declared.abs().max(extent.low.abs()).max(extent.high.abs()) } else { 0.0 };
+            let slack = if float {
+                1e-4 * declared.abs().max(extent.low.abs()).max(extent.high.abs())
+            } else {
+                0.0
+            };
             let (actual, beyond) = match side {
                 0 => (extent.low, declared - extent.low),
                 _ => (extent.high, extent.high - declared),

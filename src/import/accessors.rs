@@ -5,7 +5,8 @@ use super::buffers::Buffers;
 use super::json::{Fault, Json, Parsed};
 use super::layout::{Component, Layout, Shape, Strided};
 
-/// Elements that an accessor without a buffer view may have: they are zeros that no file size pays for.
+/// Elements that an accessor without a buffer view may have: they are zeros that no file size pays
+/// for.
 const MOST_ZEROS: u64 = 1 << 24;
 
 /// Part of a sparse accessor: `count` elements from `offset` of a view on.
@@ -51,7 +52,8 @@ pub(super) struct Accessors<'a> {
     buffers: Buffers<'a>,
 }
 
-/// What an attribute may be stored as: shapes, and component types with their need of normalisation (`None`: either).
+/// What an attribute may be stored as: shapes, and component types with their need of normalisation
+/// (`None`: either).
 pub(super) struct Format {
     /// Allowed shapes.
     pub shapes: &'static [Shape],
@@ -78,47 +80,74 @@ impl<'a> Accessors<'a> {
         &self.buffers
     }
 
-    /// The elements in the buffer view of an accessor, `None` where it has no view; an error if the view's bytes cannot be had.
+    /// The elements in the buffer view of an accessor, `None` where it has no view; an error if the
+    /// view's bytes cannot be had.
     pub fn base(&self, accessor: &Accessor) -> Parsed<Option<Strided<'_>>> {
         let Some(view) = accessor.view else { return Ok(None) };
         let layout = self.layout(accessor)?;
         let stride = self.buffers.views[view].stride.unwrap_or(layout.packed_stride());
-        let bytes = self.buffers.bytes(view).map_err(|why| Fault::new(accessor.path.as_str(), why))?;
-        Ok(Some(Strided { bytes: &bytes[accessor.offset as usize..], stride: stride as usize, layout }))
+        let bytes =
+            self.buffers.bytes(view).map_err(|why| Fault::new(accessor.path.as_str(), why))?;
+        Ok(Some(Strided {
+            bytes: &bytes[accessor.offset as usize..],
+            stride: stride as usize,
+            layout,
+        }))
     }
 
     fn layout(&self, accessor: &Accessor) -> Parsed<Layout> {
-        accessor.layout.ok_or_else(|| Fault::new(accessor.path.as_str(), "it has a type that glTF does not know"))
+        accessor.layout.ok_or_else(|| {
+            Fault::new(accessor.path.as_str(), "it has a type that glTF does not know")
+        })
     }
 
-    /// The sparse elements of an accessor: their places, strictly increasing and below its count, and their values.
+    /// The sparse elements of an accessor: their places, strictly increasing and below its count,
+    /// and their values.
     pub fn overrides(&self, accessor: &Accessor) -> Parsed<Option<(Vec<u32>, Strided<'_>)>> {
         let Some(sparse) = &accessor.sparse else { return Ok(None) };
         let part = |part: &SparsePart| {
-            let layout = part.layout.ok_or_else(|| Fault::new(part.path.as_str(), "it has an unknown type"))?;
-            let bytes = self.buffers.bytes(part.view).map_err(|why| Fault::new(part.path.as_str(), why))?;
-            Ok(Strided { bytes: &bytes[part.offset as usize..], stride: layout.packed_stride() as usize, layout })
+            let layout = part
+                .layout
+                .ok_or_else(|| Fault::new(part.path.as_str(), "it has an unknown type"))?;
+            let bytes =
+                self.buffers.bytes(part.view).map_err(|why| Fault::new(part.path.as_str(), why))?;
+            Ok(Strided {
+                bytes: &bytes[part.offset as usize..],
+                stride: layout.packed_stride() as usize,
+                layout,
+            })
         };
         let (indices, values) = (part(&sparse.indices)?, part(&sparse.values)?);
-        let places: Vec<u32> = (0..sparse.count as usize).map(|i| indices.get(i, 0) as u32).collect();
+        let places: Vec<u32> =
+            (0..sparse.count as usize).map(|i| indices.get(i, 0) as u32).collect();
         for (i, place) in places.iter().enumerate() {
             if u64::from(*place) >= accessor.count {
-                let what = format!("element {i} is {place}, and the accessor has {} elements", accessor.count);
+                let what = format!(
+                    "element {i} is {place}, and the accessor has {} elements",
+                    accessor.count
+                );
                 return Err(Fault::new(sparse.indices.path.as_str(), what));
             }
             if i > 0 && places[i - 1] >= *place {
-                return Err(Fault::new(sparse.indices.path.as_str(), format!("element {i} does not exceed the one before")));
+                return Err(Fault::new(
+                    sparse.indices.path.as_str(),
+                    format!("element {i} does not exceed the one before"),
+                ));
             }
         }
         Ok(Some((places, values)))
     }
 
-    /// Checks that accessor `index`, which the property at the JSON path `at` refers to, is stored in one of the forms of `format`.
+    /// Checks that accessor `index`, which the property at the JSON path `at` refers to, is stored
+    /// in one of the forms of `format`.
     pub fn expect(&self, index: usize, format: &Format, at: &str) -> Parsed<&Accessor> {
         let accessor = &self.list[index];
         let Layout { component, shape } = self.layout(accessor)?;
         let fits = format.shapes.contains(&shape)
-            && format.components.iter().any(|(c, n)| *c == component && n.is_none_or(|n| n == accessor.normalized));
+            && format
+                .components
+                .iter()
+                .any(|(c, n)| *c == component && n.is_none_or(|n| n == accessor.normalized));
         if fits {
             return Ok(accessor);
         }
@@ -127,8 +156,9 @@ impl<'a> Accessors<'a> {
         Err(Fault::new(at, format!("{} cannot serve here as an array of {form}", accessor.path)))
     }
 
-    /// The elements of an accessor, or those at the places `pick`, as `N` single-precision numbers each; missing components are `fill`.
-    /// The accessor's form has been checked, and the places are below its count.
+    /// The elements of an accessor, or those at the places `pick`, as `N` single-precision numbers
+    /// each; missing components are `fill`. The accessor's form has been checked, and the
+    /// places are below its count.
     pub fn read<const N: usize>(
         &self,
         accessor: &Accessor,
@@ -161,7 +191,10 @@ impl<'a> Accessors<'a> {
         };
         if let Some((places, values)) = self.overrides(accessor)? {
             match pick {
-                None => places.iter().enumerate().for_each(|(j, p)| out[*p as usize] = element(&values, j)),
+                None => places
+                    .iter()
+                    .enumerate()
+                    .for_each(|(j, p)| out[*p as usize] = element(&values, j)),
                 Some(pick) => {
                     for (i, p) in pick.iter().enumerate() {
                         if let Ok(j) = places.binary_search(p) {
@@ -193,7 +226,10 @@ impl<'a> Accessors<'a> {
 
     fn check_zeros(&self, accessor: &Accessor) -> Parsed<()> {
         if accessor.view.is_none() && accessor.count > MOST_ZEROS {
-            let what = format!("{} elements without a buffer view, more than any sensible file has", accessor.count);
+            let what = format!(
+                "{} elements without a buffer view, more than any sensible file has",
+                accessor.count
+            );
             return Err(Fault::new(accessor.path.as_str(), what));
         }
         Ok(())
@@ -230,7 +266,16 @@ fn accessor(json: &Json, buffers: &Buffers) -> Parsed<Accessor> {
         Some(sparse) => Some(self::sparse(&sparse, buffers, count, layout)?),
         None => None,
     };
-    Ok(Accessor { path: json.path().to_owned(), count, layout, normalized, view, bounds, offset, sparse })
+    Ok(Accessor {
+        path: json.path().to_owned(),
+        count,
+        layout,
+        normalized,
+        view,
+        bounds,
+        offset,
+        sparse,
+    })
 }
 
 /// The declared bounds of the components.
@@ -245,26 +290,48 @@ fn bounds(json: &Json, key: &str, shape: Option<Shape>) -> Parsed<Option<Vec<f64
 }
 
 /// Checks that `count` elements from `offset` on lie inside a view and where they may.
-fn fits(json: &Json, buffers: &Buffers, view: usize, offset: u64, count: u64, layout: Layout, strided: bool) -> Parsed<()> {
+fn fits(
+    json: &Json,
+    buffers: &Buffers,
+    view: usize,
+    offset: u64,
+    count: u64,
+    layout: Layout,
+    strided: bool,
+) -> Parsed<()> {
     let view = &buffers.views[view];
     let (element, size) = (layout.element(), layout.component.size());
     let stride = match view.stride {
         Some(_) if !strided => {
-            return Err(json.fault_at("bufferView", format!("{} must not have a byteStride for this use", view.path)));
+            return Err(json.fault_at(
+                "bufferView",
+                format!("{} must not have a byteStride for this use", view.path),
+            ));
         }
         Some(stride) if stride < element => {
-            return Err(json.fault(format!("its elements of {element} bytes exceed the byteStride {stride} of {}", view.path)));
+            return Err(json.fault(format!(
+                "its elements of {element} bytes exceed the byteStride {stride} of {}",
+                view.path
+            )));
         }
         stride => stride.unwrap_or(layout.packed_stride()),
     };
-    let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)).and_then(|n| n.checked_add(offset));
+    let end = (count - 1)
+        .checked_mul(stride)
+        .and_then(|n| n.checked_add(element))
+        .and_then(|n| n.checked_add(offset));
     if end.is_none_or(|end| end > view.length) {
-        let what =
-            format!("{count} elements of {element} bytes from {offset} on do not fit the {} bytes of {}", view.length, view.path);
+        let what = format!(
+            "{count} elements of {element} bytes from {offset} on do not fit the {} bytes of {}",
+            view.length, view.path
+        );
         return Err(json.fault(what));
     }
     if !offset.is_multiple_of(size) || !(view.offset + offset).is_multiple_of(size) {
-        return Err(json.fault_at("byteOffset", format!("the data does not begin at a multiple of the component's {size} bytes")));
+        return Err(json.fault_at(
+            "byteOffset",
+            format!("the data does not begin at a multiple of the component's {size} bytes"),
+        ));
     }
     if layout.shape.is_matrix() && !offset.is_multiple_of(4) {
         return Err(json.fault_at("byteOffset", "matrices must begin at a multiple of 4 bytes"));
@@ -275,7 +342,10 @@ fn fits(json: &Json, buffers: &Buffers, view: usize, offset: u64, count: u64, la
 fn sparse(json: &Json, buffers: &Buffers, count: u64, layout: Option<Layout>) -> Parsed<Sparse> {
     let changed = json.need_positive("count")?;
     if changed > count {
-        return Err(json.fault_at("count", format!("{changed} elements are replaced, and the accessor has {count}")));
+        return Err(json.fault_at(
+            "count",
+            format!("{changed} elements are replaced, and the accessor has {count}"),
+        ));
     }
     let part = |key: &str, layout: &dyn Fn(&Json) -> Parsed<Option<Layout>>| {
         let part = json.need_object(key)?;
@@ -293,7 +363,10 @@ fn sparse(json: &Json, buffers: &Buffers, count: u64, layout: Option<Layout>) ->
             Some(component @ (Component::U8 | Component::U16 | Component::U32)) => {
                 Ok(Some(Layout { component, shape: Shape::Scalar }))
             }
-            _ => Err(part.fault_at("componentType", format!("{code} is no type of unsigned integer"))),
+            _ => {
+                Err(part
+                    .fault_at("componentType", format!("{code} is no type of unsigned integer")))
+            }
         }
     };
     let indices = part("indices", &index_layout)?;

@@ -24,7 +24,11 @@ use std::sync::Arc;
 const OFFSETS: Format = Format { shapes: &[Shape::Vec3], components: &[(Component::F32, None)] };
 const ROTATIONS: Format = Format {
     shapes: &[Shape::Vec4],
-    components: &[(Component::F32, None), (Component::I8, Some(true)), (Component::I16, Some(true))],
+    components: &[
+        (Component::F32, None),
+        (Component::I8, Some(true)),
+        (Component::I16, Some(true)),
+    ],
 };
 
 /// The parts of a document that nodes refer to.
@@ -74,26 +78,45 @@ impl<'p, 'a> Assembly<'p, 'a> {
             if let Some(index) = node.mesh {
                 self.mesh(node, &self.parts.meshes[index])?;
             }
-            if let Some((index, kind)) = node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?))) {
-                let fallback = if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
+            if let Some((index, kind)) =
+                node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?)))
+            {
+                let fallback =
+                    if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
                 match kind.placed(&node.to_world, fallback) {
-                    Some(camera) => cameras.push((index, camera, self.parts.motions.get(&i).cloned())),
-                    None => self.scene.warnings.push(format!("{}: its camera has no direction and is left out", node.path)),
+                    Some(camera) => {
+                        cameras.push((index, camera, self.parts.motions.get(&i).cloned()))
+                    }
+                    None => self.scene.warnings.push(format!(
+                        "{}: its camera has no direction and is left out",
+                        node.path
+                    )),
                 }
             }
-            let light = node.light.and_then(|l| self.parts.lights[l].as_ref()).map(|light| light.placed(&node.to_world));
-            let luminaire = self.parts.luminaires[i].as_ref().map(|l| l.placed(&node.to_world, f32::INFINITY));
+            let light = node
+                .light
+                .and_then(|l| self.parts.lights[l].as_ref())
+                .map(|light| light.placed(&node.to_world));
+            let luminaire =
+                self.parts.luminaires[i].as_ref().map(|l| l.placed(&node.to_world, f32::INFINITY));
             for light in [light, luminaire].into_iter().flatten() {
                 match light {
                     Some(light) => self.scene.punctual.push(light),
-                    None => self.scene.warnings.push(format!("{}: its light has no direction and is left out", node.path)),
+                    None => self
+                        .scene
+                        .warnings
+                        .push(format!("{}: its light has no direction and is left out", node.path)),
                 }
             }
         }
         cameras.sort_by_key(|(index, ..)| *index);
-        (self.scene.cameras, self.scene.motions) = cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
+        (self.scene.cameras, self.scene.motions) =
+            cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
         if self.singular > 0 {
-            let what = format!("{} instances are left out because their scale or their transform is singular", self.singular);
+            let what = format!(
+                "{} instances are left out because their scale or their transform is singular",
+                self.singular
+            );
             self.scene.warnings.push(what);
         }
         Ok(self.scene)
@@ -106,12 +129,15 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
         let mut placed = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            let key = (primitive.recipe.clone(), weights.iter().map(|w| w.to_bits()).collect::<Vec<_>>());
+            let key =
+                (primitive.recipe.clone(), weights.iter().map(|w| w.to_bits()).collect::<Vec<_>>());
             let entry = match self.made.get(&key) {
                 Some(entry) => *entry,
                 None => {
-                    let built = primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
-                    let entry = self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?;
+                    let built =
+                        primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+                    let entry =
+                        self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?;
                     self.made.insert(key, entry);
                     entry
                 }
@@ -122,28 +148,38 @@ impl<'p, 'a> Assembly<'p, 'a> {
             None => placed.iter().try_for_each(|p| self.instance(node, *p, node.to_world)),
             Some(instancing) => {
                 for local in self.instances(node, instancing)? {
-                    placed.iter().try_for_each(|p| self.instance(node, *p, node.to_world * local))?;
+                    placed
+                        .iter()
+                        .try_for_each(|p| self.instance(node, *p, node.to_world * local))?;
                 }
                 Ok(())
             }
         }
     }
 
-    /// A skinned mesh stands in the world by its joints alone: its node's own transform does not count.
+    /// A skinned mesh stands in the world by its joints alone: its node's own transform does not
+    /// count.
     fn skinned(&mut self, node: &Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
         let matrices = skin.matrices(self.parts.graph, self.parts.accessors, self.budget)?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            let mut built = primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+            let mut built =
+                primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
             let mut to_world = DAffine3::IDENTITY;
             if built.influences.sets == 0 {
-                self.scene.warnings.push(format!("{}: it has no joints, so its skin does nothing", primitive.path));
+                self.scene.warnings.push(format!(
+                    "{}: it has no joints, so its skin does nothing",
+                    primitive.path
+                ));
                 to_world = node.to_world;
             } else {
                 skins::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
                 let mesh = &mut built.mesh;
-                built.degenerate += super::topology::drop_degenerate(mesh.indices.to_mut(), &mesh.positions);
+                built.degenerate +=
+                    super::topology::drop_degenerate(mesh.indices.to_mut(), &mesh.positions);
             }
-            if let Some(placed) = self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)? {
+            if let Some(placed) =
+                self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?
+            {
                 self.instance(node, placed, to_world)?;
             }
         }
@@ -160,19 +196,26 @@ impl<'p, 'a> Assembly<'p, 'a> {
     ) -> Parsed<Option<Placed>> {
         mesh.name = name;
         if degenerate > 0 {
-            self.scene.warnings.push(format!("{}: {degenerate} triangles without area are left out", primitive.path));
+            self.scene.warnings.push(format!(
+                "{}: {degenerate} triangles without area are left out",
+                primitive.path
+            ));
         }
         if mesh.indices.is_empty() {
             return Ok(None);
         }
         let lost = shading::normalize(&mut mesh);
         if lost > 0 {
-            self.scene.warnings.push(format!("{}: {lost} normals of length 0 are replaced", primitive.path));
+            self.scene
+                .warnings
+                .push(format!("{}: {lost} normals of length 0 are replaced", primitive.path));
         }
         if primitive.recipe.material.is_none() {
             let scene = &mut self.scene;
             mesh.material = *self.default_material.get_or_insert_with(|| {
-                scene.materials.push(Material { name: "default".to_owned(), ..Material::default() });
+                scene
+                    .materials
+                    .push(Material { name: "default".to_owned(), ..Material::default() });
                 scene.materials.len() as u32 - 1
             });
         }
@@ -182,12 +225,21 @@ impl<'p, 'a> Assembly<'p, 'a> {
         Ok(Some(Placed { mesh: self.scene.geometry.meshes.len() as u32 - 1, bounds }))
     }
 
-    /// Makes the tangents that the material needs, and tells of texture coordinates that it needs and the mesh lacks.
+    /// Makes the tangents that the material needs, and tells of texture coordinates that it needs
+    /// and the mesh lacks.
     fn texture_space(&mut self, primitive: &Primitive, mesh: &mut TriangleMesh) {
         let material = &self.scene.materials[mesh.material as usize];
-        let anisotropic = matches!(material.native, Some(NativeBrdf::WardDuer { .. } | NativeBrdf::Lafortune { .. }));
-        if let Some(set) = textures(material).map(|t| t.uv_set).find(|set| mesh.uv[usize::from(*set)].is_none()) {
-            let what = format!("{}: its material reads a texture at TEXCOORD_{set}, which it does not have", primitive.path);
+        let anisotropic = matches!(
+            material.native,
+            Some(NativeBrdf::WardDuer { .. } | NativeBrdf::Lafortune { .. })
+        );
+        if let Some(set) =
+            textures(material).map(|t| t.uv_set).find(|set| mesh.uv[usize::from(*set)].is_none())
+        {
+            let what = format!(
+                "{}: its material reads a texture at TEXCOORD_{set}, which it does not have",
+                primitive.path
+            );
             self.scene.warnings.push(what);
         }
         if mesh.tangents.is_some() {
@@ -208,7 +260,10 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     fn instance(&mut self, node: &Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
         self.budget.spend(1, size_of::<Instance>() as u64, &node.path)?;
-        let to_world = Affine3A::from_mat3_translation(to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
+        let to_world = Affine3A::from_mat3_translation(
+            to_world.matrix3.as_mat3(),
+            to_world.translation.as_vec3(),
+        );
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());
         let far = to_world.matrix3.x_axis.abs() * reach.x
@@ -239,20 +294,29 @@ impl<'p, 'a> Assembly<'p, 'a> {
             let path = format!("{base}/{key}");
             let accessor = accessors.expect(index, format, &path)?;
             if *count.get_or_insert(accessor.count) != accessor.count {
-                return Err(Fault::new(path, "its count differs from that of the other attributes"));
+                return Err(Fault::new(
+                    path,
+                    "its count differs from that of the other attributes",
+                ));
             }
         }
         let Some(count) = count else { return Ok(vec![DAffine3::IDENTITY]) };
         let translations = match instancing.translation {
-            Some(index) => Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?),
+            Some(index) => {
+                Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?)
+            }
             None => None,
         };
         let rotations = match instancing.rotation {
-            Some(index) => Some(accessors.read::<4>(&accessors.list[index], None, 0.0, self.budget)?),
+            Some(index) => {
+                Some(accessors.read::<4>(&accessors.list[index], None, 0.0, self.budget)?)
+            }
             None => None,
         };
         let scales = match instancing.scale {
-            Some(index) => Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?),
+            Some(index) => {
+                Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?)
+            }
             None => None,
         };
         let vector = |values: &Option<Vec<[f32; 3]>>, i: usize, default: DVec3| {
@@ -269,7 +333,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
                     format!("element {i} is no rotation: its length should be 1"),
                 ));
             }
-            let (scale, translation) = (vector(&scales, i, DVec3::ONE), vector(&translations, i, DVec3::ZERO));
+            let (scale, translation) =
+                (vector(&scales, i, DVec3::ONE), vector(&translations, i, DVec3::ZERO));
             Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
         };
         (0..count as usize).map(transform).collect()
@@ -277,7 +342,11 @@ impl<'p, 'a> Assembly<'p, 'a> {
 }
 
 fn name(mesh: &Mesh, primitive: usize) -> String {
-    if mesh.primitives.len() == 1 { mesh.name.clone() } else { format!("{}[{primitive}]", mesh.name) }
+    if mesh.primitives.len() == 1 {
+        mesh.name.clone()
+    } else {
+        format!("{}[{primitive}]", mesh.name)
+    }
 }
 
 /// The textures that a material reads.

@@ -11,16 +11,23 @@ pub(super) fn check(root: &Json, warnings: &mut Vec<String>) -> Parsed<()> {
         None => return Err(asset.missing("version")),
     };
     if version.0 != 2 {
-        return Err(asset.fault_at("version", format!("glTF version {}.{}; only version 2 is read", version.0, version.1)));
+        return Err(asset.fault_at(
+            "version",
+            format!("glTF version {}.{}; only version 2 is read", version.0, version.1),
+        ));
     }
     if let Some(least) = self::version(&asset, "minVersion")?
         && least > version
     {
-        let what = format!("{}.{} exceeds the version {}.{}", least.0, least.1, version.0, version.1);
+        let what =
+            format!("{}.{} exceeds the version {}.{}", least.0, least.1, version.0, version.1);
         return Err(asset.fault_at("minVersion", what));
     }
     if version.1 > 0 {
-        warnings.push(format!("the file is written for glTF {}.{}; what is newer than 2.0 is not read", version.0, version.1));
+        warnings.push(format!(
+            "the file is written for glTF {}.{}; what is newer than 2.0 is not read",
+            version.0, version.1
+        ));
     }
     Ok(())
 }

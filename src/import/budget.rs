@@ -2,9 +2,11 @@
 
 use super::json::{Fault, Parsed};
 
-/// Counts the bytes that decoding produces against the bytes that were read, so that a small hostile file cannot fill the memory.
+/// Counts the bytes that decoding produces against the bytes that were read, so that a small
+/// hostile file cannot fill the memory.
 ///
-/// Honest files come nowhere near: an index of one byte becomes four, a position of six becomes twelve.
+/// Honest files come nowhere near: an index of one byte becomes four, a position of six becomes
+/// twelve.
 #[derive(Debug)]
 pub(super) struct Budget {
     left: u64,
@@ -49,7 +51,9 @@ impl Budget {
                 Ok(())
             }
             None => {
-                let what = format!("{count} more elements of {size} bytes: a file of this size cannot sensibly ask for so much");
+                let what = format!(
+                    "{count} more elements of {size} bytes: a file of this size cannot sensibly ask for so much"
+                );
                 Err(Fault::new(at, what))
             }
         }

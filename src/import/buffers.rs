@@ -81,12 +81,21 @@ impl<'a> Buffers<'a> {
         Ok(this)
     }
 
-    /// The bytes `offset..offset + length` of a buffer, or why there are none; `at` is who asks, and to blame if they do not fit.
-    fn slice(&self, buffer: usize, offset: u64, length: u64, at: &Json) -> Parsed<std::result::Result<&[u8], String>> {
+    /// The bytes `offset..offset + length` of a buffer, or why there are none; `at` is who asks,
+    /// and to blame if they do not fit.
+    fn slice(
+        &self,
+        buffer: usize,
+        offset: u64,
+        length: u64,
+        at: &Json,
+    ) -> Parsed<std::result::Result<&[u8], String>> {
         let buffer = &self.buffers[buffer];
         let Buffer { byte_length, path, .. } = buffer;
         let end = offset.checked_add(length).filter(|end| end <= byte_length).ok_or_else(|| {
-            at.fault(format!("its {length} bytes from {offset} on do not fit the {byte_length} bytes of {path}"))
+            at.fault(format!(
+                "its {length} bytes from {offset} on do not fit the {byte_length} bytes of {path}"
+            ))
         })?;
         Ok(buffer.bytes().map(|bytes| &bytes[offset as usize..end as usize]))
     }
@@ -114,7 +123,12 @@ impl<'a> Buffers<'a> {
         let decoded = match meshopt::Compressed::of(json, self.buffers.len())? {
             None => None,
             Some(compressed) => {
-                let source = self.slice(compressed.buffer, compressed.offset, compressed.length, &compressed.json)?;
+                let source = self.slice(
+                    compressed.buffer,
+                    compressed.offset,
+                    compressed.length,
+                    &compressed.json,
+                )?;
                 let source = source.map_err(|why| compressed.json.fault(why))?;
                 Some(compressed.decode(source, length, budget)?)
             }
@@ -129,7 +143,9 @@ impl<'a> Buffers<'a> {
             return Ok(decoded);
         }
         // `view` has checked that the range fits.
-        self.buffers[*buffer].bytes().map(|bytes| &bytes[*offset as usize..(*offset + *length) as usize])
+        self.buffers[*buffer]
+            .bytes()
+            .map(|bytes| &bytes[*offset as usize..(*offset + *length) as usize])
     }
 }
 
@@ -146,7 +162,9 @@ impl<'a> Reader<'_, 'a> {
     fn buffer(&mut self, json: &Json, index: usize) -> Parsed<Buffer<'a>> {
         let byte_length = json.need_positive("byteLength")?;
         let data = match json.string("uri")? {
-            None if meshopt::is_fallback(json)? => Data::Absent("it is a placeholder for compressed data".into()),
+            None if meshopt::is_fallback(json)? => {
+                Data::Absent("it is a placeholder for compressed data".into())
+            }
             None if index == 0 && self.container.is_glb => self.chunk(json, byte_length)?,
             None => Data::Absent("it has no uri".into()),
             Some(uri) => self.external(json, uri)?,
@@ -165,7 +183,8 @@ impl<'a> Reader<'_, 'a> {
         let missing = "it has no uri and so stands for the GLB's binary chunk, which is missing";
         let chunk = self.container.bin().ok_or_else(|| json.fault(missing))?;
         if chunk.len() as u64 > byte_length.saturating_add(3) {
-            self.warnings.push(format!("the GLB's binary chunk is longer than {} declares", json.path()));
+            self.warnings
+                .push(format!("the GLB's binary chunk is longer than {} declares", json.path()));
         }
         Ok(Data::Chunk(chunk))
     }
@@ -174,9 +193,14 @@ impl<'a> Reader<'_, 'a> {
         let at = json.path_of("uri");
         match uri::resolve(uri, &at, self.folder)? {
             Target::Data { media_type, bytes } => {
-                if !["", "application/octet-stream", "application/gltf-buffer"].contains(&media_type.as_str()) {
+                if !["", "application/octet-stream", "application/gltf-buffer"]
+                    .contains(&media_type.as_str())
+                {
                     let wanted = "application/octet-stream or application/gltf-buffer";
-                    let what = format!("a buffer's data URI must be of type {wanted}, not {}", quote(&media_type));
+                    let what = format!(
+                        "a buffer's data URI must be of type {wanted}, not {}",
+                        quote(&media_type)
+                    );
                     return Err(Fault::new(at, what));
                 }
                 Ok(Data::Own(Arc::new(bytes)))

@@ -23,27 +23,42 @@ pub(super) fn cameras(root: &Json, warnings: &mut Vec<String>) -> Parsed<Vec<Opt
 fn camera(json: &Json, warnings: &mut Vec<String>) -> Parsed<Option<CameraKind>> {
     let kind = json.need_string("type")?;
     if json.has("perspective") && json.has("orthographic") {
-        return Err(json.fault("must have either a perspective or an orthographic property, and not both"));
+        return Err(
+            json.fault("must have either a perspective or an orthographic property, and not both")
+        );
     }
     let (projection, aspect) = match kind {
         "perspective" => perspective(&json.need_object("perspective")?, warnings)?,
         "orthographic" => orthographic(&json.need_object("orthographic")?, warnings)?,
         other => {
-            warnings.push(format!("{} of the unknown type {} is left out", json.label(), quote(other)));
+            warnings.push(format!(
+                "{} of the unknown type {} is left out",
+                json.label(),
+                quote(other)
+            ));
             return Ok(None);
         }
     };
-    Ok(projection.map(|projection| CameraKind { name: json.object_name().map(str::to_owned), projection, aspect }))
+    Ok(projection.map(|projection| CameraKind {
+        name: json.object_name().map(str::to_owned),
+        projection,
+        aspect,
+    }))
 }
 
 fn check_depths(json: &Json, near: f64, far: Option<f64>) -> Parsed<()> {
     match far {
-        Some(far) if far <= near => Err(json.fault_at("zfar", format!("{far} does not exceed znear {near}"))),
+        Some(far) if far <= near => {
+            Err(json.fault_at("zfar", format!("{far} does not exceed znear {near}")))
+        }
         _ => Ok(()),
     }
 }
 
-fn perspective(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projection>, Option<f32>)> {
+fn perspective(
+    json: &Json,
+    warnings: &mut Vec<String>,
+) -> Parsed<(Option<Projection>, Option<f32>)> {
     let positive = |key: &str| match json.number(key)? {
         Some(x) if x <= 0.0 => Err(json.fault_at(key, format!("{x} is not greater than 0"))),
         x => Ok(x),
@@ -62,7 +77,10 @@ fn perspective(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projec
     Ok((Some(Projection::Perspective { yfov: yfov as f32 }), aspect))
 }
 
-fn orthographic(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Projection>, Option<f32>)> {
+fn orthographic(
+    json: &Json,
+    warnings: &mut Vec<String>,
+) -> Parsed<(Option<Projection>, Option<f32>)> {
     let magnification = |key: &str| match json.need_number(key)? {
         0.0 => Err(json.fault_at(key, "must not be 0")),
         x => Ok(x),
@@ -74,7 +92,8 @@ fn orthographic(json: &Json, warnings: &mut Vec<String>) -> Parsed<(Option<Proje
     }
     check_depths(json, near, Some(json.need_number("zfar")?))?;
     if x < 0.0 || y < 0.0 {
-        warnings.push(format!("{}: a negative magnification is taken as a positive one", json.path()));
+        warnings
+            .push(format!("{}: a negative magnification is taken as a positive one", json.path()));
     }
     let (xmag, ymag) = (x.abs() as f32, y.abs() as f32);
     Ok((Some(Projection::Orthographic { xmag, ymag }), Some(xmag / ymag)))
@@ -92,13 +111,17 @@ impl CameraKind {
     }
 }
 
-/// The camera for a scene without one: from the front, a little from the right and from above, with all of `bounds` in a picture of any
-/// aspect from 1 on. An empty box is taken as a point at the origin.
+/// The camera for a scene without one: from the front, a little from the right and from above, with
+/// all of `bounds` in a picture of any aspect from 1 on. An empty box is taken as a point at the
+/// origin.
 pub fn default_camera(bounds: &Aabb) -> Camera {
     const YFOV: f32 = 0.7;
     const MARGIN: f32 = 1.05;
-    let (center, half) =
-        if bounds.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (bounds.center(), 0.5 * (bounds.max - bounds.min)) };
+    let (center, half) = if bounds.is_empty() {
+        (Vec3::ZERO, Vec3::ZERO)
+    } else {
+        (bounds.center(), 0.5 * (bounds.max - bounds.min))
+    };
     let back = Vec3::new(0.55, 0.4, 1.0).normalize();
     let right = Vec3::Y.cross(back).normalize();
     let up = back.cross(right);
@@ -108,7 +131,8 @@ pub fn default_camera(bounds: &Aabb) -> Camera {
     for corner in 0..8 {
         let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
         let r = half * Vec3::new(sign(0), sign(1), sign(2));
-        distance = distance.max(r.dot(back) + MARGIN * r.dot(right).abs().max(r.dot(up).abs()) / tan);
+        distance =
+            distance.max(r.dot(back) + MARGIN * r.dot(right).abs().max(r.dot(up).abs()) / tan);
     }
     if distance <= 0.0 {
         distance = 1.0;
@@ -117,7 +141,10 @@ pub fn default_camera(bounds: &Aabb) -> Camera {
         name: "default".to_owned(),
         projection: Projection::Perspective { yfov: YFOV },
         aspect: None,
-        to_world: Affine3A::from_mat3_translation(Mat3::from_cols(right, up, back), center + distance * back),
+        to_world: Affine3A::from_mat3_translation(
+            Mat3::from_cols(right, up, back),
+            center + distance * back,
+        ),
     }
 }
 
@@ -134,10 +161,13 @@ mod tests {
             (Vec3::ONE, Vec3::ONE),
         ] {
             let camera = default_camera(&Aabb { min, max });
-            let Projection::Perspective { yfov } = camera.projection else { panic!("not perspective") };
+            let Projection::Perspective { yfov } = camera.projection else {
+                panic!("not perspective")
+            };
             for i in 0..8 {
                 let pick = |bit: u32, a: f32, b: f32| if i >> bit & 1 == 0 { a } else { b };
-                let corner = Vec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z));
+                let corner =
+                    Vec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z));
                 let local = camera.to_world.inverse().transform_point3(corner);
                 assert!(local.z < 0.0, "{local}");
                 let extent = local.x.abs().max(local.y.abs()) / -local.z;
@@ -150,14 +180,21 @@ mod tests {
 
     #[test]
     fn scale_and_mirroring_do_not_reach_the_camera() {
-        let kind = CameraKind { name: None, projection: Projection::Perspective { yfov: 1.0 }, aspect: None };
+        let kind = CameraKind {
+            name: None,
+            projection: Projection::Perspective { yfov: 1.0 },
+            aspect: None,
+        };
         let node = DAffine3::from_scale_rotation_translation(
             DVec3::new(-3.0, 0.5, 7.0),
             glam::DQuat::from_rotation_y(1.0),
             DVec3::new(1.0, 2.0, 3.0),
         );
         let camera = kind.placed(&node, "eye").unwrap();
-        let wanted = Affine3A::from_rotation_translation(glam::Quat::from_rotation_y(1.0), Vec3::new(1.0, 2.0, 3.0));
+        let wanted = Affine3A::from_rotation_translation(
+            glam::Quat::from_rotation_y(1.0),
+            Vec3::new(1.0, 2.0, 3.0),
+        );
         assert!(camera.to_world.abs_diff_eq(wanted, 1e-6), "{:?}", camera.to_world);
         assert_eq!(camera.name, "eye");
         assert!(kind.placed(&DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), "eye").is_none());

@@ -28,7 +28,8 @@ impl Container {
         self.bin.clone().map(|range| &self.bytes[range])
     }
 
-    /// Takes the bytes of a scene file apart; `path` only tells by its extension what the file claims to be.
+    /// Takes the bytes of a scene file apart; `path` only tells by its extension what the file
+    /// claims to be.
     pub fn parse(bytes: Vec<u8>, path: &Path, warnings: &mut Vec<String>) -> Parsed<Self> {
         let claims_glb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
         if claims_glb || bytes.starts_with(MAGIC) {
@@ -48,10 +49,17 @@ fn word(bytes: &[u8], offset: usize) -> Option<u32> {
 }
 
 /// The JSON chunk and the binary chunk of a container.
-fn chunks(bytes: &[u8], warnings: &mut Vec<String>) -> Parsed<(Range<usize>, Option<Range<usize>>)> {
+fn chunks(
+    bytes: &[u8],
+    warnings: &mut Vec<String>,
+) -> Parsed<(Range<usize>, Option<Range<usize>>)> {
     let fault = |what: String| Err(Fault::new("", what));
-    let (Some(_), Some(version), Some(declared)) = (word(bytes, 0), word(bytes, 4), word(bytes, 8)) else {
-        return fault(format!("not a binary glTF: the file has {} bytes, and its header alone needs 12", bytes.len()));
+    let (Some(_), Some(version), Some(declared)) = (word(bytes, 0), word(bytes, 4), word(bytes, 8))
+    else {
+        return fault(format!(
+            "not a binary glTF: the file has {} bytes, and its header alone needs 12",
+            bytes.len()
+        ));
     };
     if !bytes.starts_with(MAGIC) {
         return fault("not a binary glTF: the file does not begin with \"glTF\"".into());
@@ -61,26 +69,40 @@ fn chunks(bytes: &[u8], warnings: &mut Vec<String>) -> Parsed<(Range<usize>, Opt
     }
     let length = declared as usize;
     if length < 20 {
-        return fault(format!("the GLB header declares a length of {length} bytes, too few for a JSON chunk"));
+        return fault(format!(
+            "the GLB header declares a length of {length} bytes, too few for a JSON chunk"
+        ));
     }
     if length > bytes.len() {
-        return fault(format!("the GLB header declares {length} bytes, and the file has {}: is it truncated?", bytes.len()));
+        return fault(format!(
+            "the GLB header declares {length} bytes, and the file has {}: is it truncated?",
+            bytes.len()
+        ));
     }
     if length < bytes.len() {
-        warnings.push(format!("{} bytes after the end of the GLB container are ignored", bytes.len() - length));
+        warnings.push(format!(
+            "{} bytes after the end of the GLB container are ignored",
+            bytes.len() - length
+        ));
     }
     let (mut json, mut bin) = (None, None);
     let (mut offset, mut number) = (12, 0);
     while offset < length {
-        let (Some(size), Some(kind), true) = (word(bytes, offset), word(bytes, offset + 4), offset + 8 <= length) else {
+        let (Some(size), Some(kind), true) =
+            (word(bytes, offset), word(bytes, offset + 4), offset + 8 <= length)
+        else {
             return fault(format!("the GLB container ends inside the header of chunk {number}"));
         };
         let start = offset + 8;
         if size % 4 != 0 {
-            return fault(format!("the length {size} of GLB chunk {number} is not a multiple of 4"));
+            return fault(format!(
+                "the length {size} of GLB chunk {number} is not a multiple of 4"
+            ));
         }
         let Some(end) = start.checked_add(size as usize).filter(|end| *end <= length) else {
-            return fault(format!("GLB chunk {number} of {size} bytes does not fit the container of {length} bytes"));
+            return fault(format!(
+                "GLB chunk {number} of {size} bytes does not fit the container of {length} bytes"
+            ));
         };
         match kind {
             JSON_CHUNK if number == 0 => {
@@ -89,12 +111,21 @@ fn chunks(bytes: &[u8], warnings: &mut Vec<String>) -> Parsed<(Range<usize>, Opt
                 }
                 json = Some(start..end);
             }
-            _ if number == 0 => return fault(format!("the first GLB chunk must be JSON, and is of type {kind:#010x}")),
+            _ if number == 0 => {
+                return fault(format!(
+                    "the first GLB chunk must be JSON, and is of type {kind:#010x}"
+                ));
+            }
             JSON_CHUNK => return fault(format!("GLB chunk {number} is a second JSON chunk")),
             BIN_CHUNK if number == 1 => bin = Some(start..end),
-            BIN_CHUNK if bin.is_some() => return fault(format!("GLB chunk {number} is a second binary chunk")),
-            BIN_CHUNK => return fault(format!("GLB chunk {number} is binary, which only chunk 1 may be")),
-            _ => warnings.push(format!("GLB chunk {number} of the unknown type {kind:#010x} is ignored")),
+            BIN_CHUNK if bin.is_some() => {
+                return fault(format!("GLB chunk {number} is a second binary chunk"));
+            }
+            BIN_CHUNK => {
+                return fault(format!("GLB chunk {number} is binary, which only chunk 1 may be"));
+            }
+            _ => warnings
+                .push(format!("GLB chunk {number} of the unknown type {kind:#010x} is ignored")),
         }
         (offset, number) = (end, number + 1);
     }
@@ -124,8 +155,12 @@ mod tests {
 
     #[test]
     fn chunks_are_found_and_unknown_ones_skipped() {
-        let file = parse(glb(&[(JSON_CHUNK, b"{}  "), (BIN_CHUNK, b"abcd"), (7, b"????")])).unwrap();
-        assert_eq!((file.json(), file.bin(), file.is_glb), (&b"{}  "[..], Some(&b"abcd"[..]), true));
+        let file =
+            parse(glb(&[(JSON_CHUNK, b"{}  "), (BIN_CHUNK, b"abcd"), (7, b"????")])).unwrap();
+        assert_eq!(
+            (file.json(), file.bin(), file.is_glb),
+            (&b"{}  "[..], Some(&b"abcd"[..]), true)
+        );
     }
 
     #[test]

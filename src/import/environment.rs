@@ -7,16 +7,17 @@ use crate::light::{EnvironmentMap, PunctualLight, Sky};
 use crate::math::Affine3A;
 use std::path::Path;
 
-/// Reads the equirectangular map at `path` (Radiance .hdr or OpenEXR), turned by `rotate_degrees` about the vertical axis, its radiance
-/// multiplied by `scale`.
+/// Reads the equirectangular map at `path` (Radiance .hdr or OpenEXR), turned by `rotate_degrees`
+/// about the vertical axis, its radiance multiplied by `scale`.
 ///
-/// Without rotation the middle column of the map is seen along +X and +Z lies to the right of it, as [`EnvironmentMap`] says, and as Blender and
-/// three.js show it. A positive rotation turns the surroundings counter-clockwise as seen from above (+Y); what was seen along +X is then
+/// Without rotation the middle column of the map is seen along +X and +Z lies to the right of it,
+/// as [`EnvironmentMap`] says, and as Blender and three.js show it. A positive rotation turns the
+/// surroundings counter-clockwise as seen from above (+Y); what was seen along +X is then
 /// seen towards -Z.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0; [`Error::Io`], [`Error::Image`] and
-/// [`Error::Unsupported`] naming the file.
+/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below
+/// 0; [`Error::Io`], [`Error::Image`] and [`Error::Unsupported`] naming the file.
 pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<EnvironmentMap> {
     check(rotate_degrees, scale)?;
     let metadata = std::fs::metadata(path).map_err(Error::io(path))?;
@@ -33,11 +34,18 @@ pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<Envir
     })
 }
 
-/// The environment and the sun of `sky`, turned by `rotate_degrees` as a map would be, everything multiplied by `scale`.
+/// The environment and the sun of `sky`, turned by `rotate_degrees` as a map would be, everything
+/// multiplied by `scale`.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below 0.
-pub fn sky(sky: &Sky, units: LightUnits, rotate_degrees: f32, scale: f32) -> Result<(EnvironmentMap, Option<PunctualLight>)> {
+/// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below
+/// 0.
+pub fn sky(
+    sky: &Sky,
+    units: LightUnits,
+    rotate_degrees: f32,
+    scale: f32,
+) -> Result<(EnvironmentMap, Option<PunctualLight>)> {
     check(rotate_degrees, scale)?;
     // Azimuths run clockwise.
     let sky = Sky { azimuth: sky.azimuth - rotate_degrees, ..sky.clone() };
@@ -69,7 +77,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.hdr");
         // Two pixels side by side, each mantissas and exponent of 1.0 and 0.5.
-        std::fs::write(&path, b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x80\x80\x80\x80").unwrap();
+        std::fs::write(
+            &path,
+            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x80\x80\x80\x80",
+        )
+        .unwrap();
         let map = environment(&path, 90.0, 2.0).unwrap();
         assert_eq!((map.width, map.height, map.scale), (2, 1, 2.0));
         assert_eq!(map.pixels, [Vec3::ONE, Vec3::splat(0.5)]);

@@ -52,7 +52,11 @@ pub(super) fn check(root: &Json) -> Parsed<()> {
     for required in root.array("extensionsRequired")? {
         let name = required.as_string()?;
         if !KNOWN.contains(&name) && !meshopt::NAMES.contains(&name) {
-            let what = format!("the file requires the extension {}, which this program lacks: {}", quote(name), advice(name));
+            let what = format!(
+                "the file requires the extension {}, which this program lacks: {}",
+                quote(name),
+                advice(name)
+            );
             return Err(Fault::unsupported(required.path(), what));
         }
     }

@@ -1,4 +1,5 @@
-//! Measured luminaires: IES files, EXT_lights_ies, and the same as `extras`; the format of the latter is documented at [`super`].
+//! Measured luminaires: IES files, EXT_lights_ies, and the same as `extras`; the format of the
+//! latter is documented at [`super`].
 
 use super::accessors::Accessors;
 use super::json::{Fault, Json, Parsed, quote};
@@ -18,9 +19,11 @@ const LONGEST_FILE: u64 = 1 << 23;
 /// Reads the IES file at `path` (ANSI/IES LM-63 of 1986 to 2019, type A, B or C).
 ///
 /// # Errors
-/// [`Error::Scene`] that names the file and the line, [`Error::InvalidArgument`] if the file cannot be read.
+/// [`Error::Scene`] that names the file and the line, [`Error::InvalidArgument`] if the file cannot
+/// be read.
 pub fn ies(path: &Path) -> Result<IesProfile> {
-    let bytes = uri::read(path, "", LONGEST_FILE).map_err(|fault| Error::InvalidArgument(fault.what))?;
+    let bytes =
+        uri::read(path, "", LONGEST_FILE).map_err(|fault| Error::InvalidArgument(fault.what))?;
     IesProfile::parse(&bytes, &|name| tilt_file(name, path.parent().unwrap_or(Path::new(""))))
         .map_err(|fault| Error::scene(path, format!("line {}", fault.line), fault.what))
 }
@@ -43,8 +46,15 @@ pub(super) struct Luminaire {
 }
 
 impl Luminaire {
-    /// A luminaire of a punctual light: its `extras` decide between the candela of the file and its own intensity at the peak.
-    pub fn of_light(json: &Json, color: Color, intensity: f32, files: &mut Profiles, units: LightUnits) -> Parsed<Option<Self>> {
+    /// A luminaire of a punctual light: its `extras` decide between the candela of the file and its
+    /// own intensity at the peak.
+    pub fn of_light(
+        json: &Json,
+        color: Color,
+        intensity: f32,
+        files: &mut Profiles,
+        units: LightUnits,
+    ) -> Parsed<Option<Self>> {
         let Some(extras) = extras(json)? else { return Ok(None) };
         reject_unknown(&extras, &["ies", "multiplier", "relative"])?;
         let profile = files.load(extras.need_string("ies")?, &extras.path_of("ies"))?;
@@ -61,8 +71,8 @@ impl Luminaire {
         Ok(Self { profile, scale: color * multiplier / units.efficacy() })
     }
 
-    /// The luminaire on a node: it shines along the node's -Z and the node's scale does not touch it, but a mirroring one mirrors it. `None` where
-    /// the transform leaves it no direction.
+    /// The luminaire on a node: it shines along the node's -Z and the node's scale does not touch
+    /// it, but a mirroring one mirrors it. `None` where the transform leaves it no direction.
     pub fn placed(&self, to_world: &DAffine3, range: f32) -> Option<PunctualLight> {
         let z = to_world.transform_vector3(DVec3::Z).try_normalize()?;
         let y = to_world.transform_vector3(DVec3::Y);
@@ -90,7 +100,11 @@ fn extras<'a>(json: &Json<'a>) -> Parsed<Option<Json<'a>>> {
 /// A misspelt property would silently give another light.
 fn reject_unknown(json: &Json, known: &[&str]) -> Parsed<()> {
     match json.object()?.keys().find(|key| !known.contains(&key.as_str())) {
-        Some(key) => Err(json.fault(format!("the property {} is unknown here; known are {}", quote(key), known.join(", ")))),
+        Some(key) => Err(json.fault(format!(
+            "the property {} is unknown here; known are {}",
+            quote(key),
+            known.join(", ")
+        ))),
         None => Ok(()),
     }
 }
@@ -140,28 +154,47 @@ impl<'a> Profiles<'a> {
                 if let Some(profile) = self.files.get(&file) {
                     return Ok(Arc::clone(profile));
                 }
-                let profile = Arc::new(ies(&file).map_err(|error| Fault::new(at, error.to_string()))?);
+                let profile =
+                    Arc::new(ies(&file).map_err(|error| Fault::new(at, error.to_string()))?);
                 self.files.insert(file, Arc::clone(&profile));
                 Ok(profile)
             }
             Target::Absolute => Err(Fault::new(
                 at,
-                format!("the uri {} is not relative to the scene file, and only such files are read", quote(uri)),
+                format!(
+                    "the uri {} is not relative to the scene file, and only such files are read",
+                    quote(uri)
+                ),
             )),
         }
     }
 
     /// The luminaire of each node, by EXT_lights_ies or by its `extras`.
-    pub fn nodes(&mut self, root: &Json, options: &ImportOptions) -> Parsed<Vec<Option<Luminaire>>> {
+    pub fn nodes(
+        &mut self,
+        root: &Json,
+        options: &ImportOptions,
+    ) -> Parsed<Vec<Option<Luminaire>>> {
         let mut luminaires = Vec::new();
         for node in root.entities("nodes")? {
             let (extension, extras) = (node.extension("EXT_lights_ies")?, extras(&node)?);
             luminaires.push(match (extension, extras) {
                 (None, None) => None,
-                (Some(_), Some(_)) => return Err(node.fault("it has a luminaire by EXT_lights_ies and another in its extras")),
+                (Some(_), Some(_)) => {
+                    return Err(node
+                        .fault("it has a luminaire by EXT_lights_ies and another in its extras"));
+                }
                 (Some(reference), None) => {
-                    let index = reference.need_index("light", "extensions/EXT_lights_ies/lights", self.listed.len())?;
-                    Some(Luminaire::of_node(&reference, Arc::clone(&self.listed[index]), options.light_units)?)
+                    let index = reference.need_index(
+                        "light",
+                        "extensions/EXT_lights_ies/lights",
+                        self.listed.len(),
+                    )?;
+                    Some(Luminaire::of_node(
+                        &reference,
+                        Arc::clone(&self.listed[index]),
+                        options.light_units,
+                    )?)
                 }
                 (None, Some(extras)) => {
                     reject_unknown(&extras, &["ies", "multiplier", "color"])?;
@@ -175,6 +208,9 @@ impl<'a> Profiles<'a> {
 }
 
 fn embedded(bytes: &[u8], at: &str) -> Parsed<Arc<IesProfile>> {
-    let no_folder = |_: &str| Err("an IES file inside another file has no folder to look in".to_owned());
-    IesProfile::parse(bytes, &no_folder).map(Arc::new).map_err(|fault| Fault::new(at, format!("the IES file is broken: {fault}")))
+    let no_folder =
+        |_: &str| Err("an IES file inside another file has no folder to look in".to_owned());
+    IesProfile::parse(bytes, &no_folder)
+        .map(Arc::new)
+        .map_err(|fault| Fault::new(at, format!("the IES file is broken: {fault}")))
 }

@@ -42,7 +42,8 @@ pub(super) fn images(
         encoded.push((json.path().to_owned(), finder.find(i, json)?));
     }
     check_sizes(&encoded, pixels)?;
-    let outcomes: Vec<Parsed<Outcome>> = encoded.into_par_iter().map(|(path, encoded)| decode(&path, encoded)).collect();
+    let outcomes: Vec<Parsed<Outcome>> =
+        encoded.into_par_iter().map(|(path, encoded)| decode(&path, encoded)).collect();
     let mut images: Vec<Decoded> = Vec::with_capacity(outcomes.len());
     for outcome in outcomes {
         images.push(match outcome? {
@@ -88,16 +89,23 @@ impl<'f> Finder<'f, '_> {
         let view = json.index("bufferView", "bufferViews", buffers.views.len())?;
         let declared = json.string("mimeType")?.map(str::to_owned);
         match (json.string("uri")?, view) {
-            (Some(_), Some(_)) | (None, None) => Err(json.fault("must have either a uri or a bufferView, and not both")),
+            (Some(_), Some(_)) | (None, None) => {
+                Err(json.fault("must have either a uri or a bufferView, and not both"))
+            }
             (None, Some(view)) => {
                 if declared.is_none() {
                     return Err(json.missing("mimeType"));
                 }
                 if buffers.views[view].stride.is_some() {
-                    return Err(json.fault_at("bufferView", "a view of image data must not have a byteStride"));
+                    return Err(json.fault_at(
+                        "bufferView",
+                        "a view of image data must not have a byteStride",
+                    ));
                 }
                 match buffers.bytes(view) {
-                    Ok(bytes) => self.known(index, json, Source::View(view), Cow::Borrowed(bytes), declared),
+                    Ok(bytes) => {
+                        self.known(index, json, Source::View(view), Cow::Borrowed(bytes), declared)
+                    }
                     Err(why) => Ok(Encoded::Unusable(why)),
                 }
             }
@@ -105,15 +113,29 @@ impl<'f> Finder<'f, '_> {
         }
     }
 
-    fn external(&mut self, index: usize, json: &Json, uri: &str, declared: Option<String>) -> Parsed<Encoded<'f>> {
+    fn external(
+        &mut self,
+        index: usize,
+        json: &Json,
+        uri: &str,
+        declared: Option<String>,
+    ) -> Parsed<Encoded<'f>> {
         let at = json.path_of("uri");
         match uri::resolve(uri, &at, self.folder)? {
             Target::Data { media_type, bytes } => {
                 let picture = media_type.starts_with("image/");
                 if !picture && !["", "application/octet-stream"].contains(&media_type.as_str()) {
-                    return Err(Fault::new(at, format!("the data URI's type {} is no image's", quote(&media_type))));
+                    return Err(Fault::new(
+                        at,
+                        format!("the data URI's type {} is no image's", quote(&media_type)),
+                    ));
                 }
-                self.checked(json, Cow::Owned(bytes), declared.or_else(|| picture.then_some(media_type)), None)
+                self.checked(
+                    json,
+                    Cow::Owned(bytes),
+                    declared.or_else(|| picture.then_some(media_type)),
+                    None,
+                )
             }
             Target::File(file) => {
                 let source = Source::File(file.clone());
@@ -124,7 +146,10 @@ impl<'f> Finder<'f, '_> {
                 self.known(index, json, source, Cow::Owned(bytes), declared)
             }
             Target::Absolute => {
-                let why = format!("its uri {} is not relative to the scene file, and only such files are read", quote(uri));
+                let why = format!(
+                    "its uri {} is not relative to the scene file, and only such files are read",
+                    quote(uri)
+                );
                 self.warnings.push(format!("{} is not read: {why}", json.path()));
                 Ok(Encoded::Unusable(why))
             }
@@ -167,7 +192,9 @@ impl<'f> Finder<'f, '_> {
                 Err(json.fault(format!("declared as {}, and is {actual}", quote(&declared))))
             }
             (Some(_), _) => Ok(Encoded::Here(bytes, file)),
-            (None, Some(declared)) if ["image/png", "image/jpeg", "image/webp"].contains(&declared.as_str()) => {
+            (None, Some(declared))
+                if ["image/png", "image/jpeg", "image/webp"].contains(&declared.as_str()) =>
+            {
                 Err(json.fault(format!("declared as {declared}, and is not")))
             }
             (None, _) => {
@@ -184,9 +211,12 @@ impl<'f> Finder<'f, '_> {
 fn check_sizes(images: &[(String, Encoded)], pixels: &mut Budget) -> Parsed<()> {
     for (path, image) in images {
         let Encoded::Here(bytes, _) = image else { continue };
-        let reader = image::ImageReader::new(std::io::Cursor::new(bytes.as_ref())).with_guessed_format();
+        let reader =
+            image::ImageReader::new(std::io::Cursor::new(bytes.as_ref())).with_guessed_format();
         // What cannot be read at all is told with its reason where it is decoded.
-        let Some((width, height)) = reader.ok().and_then(|r| r.into_dimensions().ok()) else { continue };
+        let Some((width, height)) = reader.ok().and_then(|r| r.into_dimensions().ok()) else {
+            continue;
+        };
         pixels.feed(bytes.len() as u64);
         pixels.spend(u64::from(width) * u64::from(height), 4, path)?;
     }

@@ -31,11 +31,16 @@ impl Fault {
 
     /// The error for the scene file `file`.
     pub fn into_error(self, file: &Path) -> Error {
-        if self.unsupported { Error::unsupported(file, self.path, self.what) } else { Error::scene(file, self.path, self.what) }
+        if self.unsupported {
+            Error::unsupported(file, self.path, self.what)
+        } else {
+            Error::scene(file, self.path, self.what)
+        }
     }
 }
 
-/// A string of the document as it may appear in a message: quoted, control characters escaped, cut to a readable length.
+/// A string of the document as it may appear in a message: quoted, control characters escaped, cut
+/// to a readable length.
 pub(super) fn quote(text: &str) -> String {
     const LONGEST: usize = 80;
     match text.char_indices().nth(LONGEST) {
@@ -63,8 +68,11 @@ fn kind(value: &Value) -> &'static str {
 }
 
 fn as_unsigned(value: &Value) -> Option<u64> {
-    // An integer may be written with a fraction of zero; above 2^53 such a number is no longer exact.
-    value.as_u64().or_else(|| value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64))
+    // An integer may be written with a fraction of zero; above 2^53 such a number is no longer
+    // exact.
+    value.as_u64().or_else(|| {
+        value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64)
+    })
 }
 
 impl<'a> Json<'a> {
@@ -137,7 +145,11 @@ impl<'a> Json<'a> {
     /// The elements of this array.
     pub fn elements(&self) -> Parsed<Vec<Json<'a>>> {
         let array = self.value.as_array().ok_or_else(|| self.mismatch("an array"))?;
-        Ok(array.iter().enumerate().map(|(i, value)| Json { value, path: self.path_of(i) }).collect())
+        Ok(array
+            .iter()
+            .enumerate()
+            .map(|(i, value)| Json { value, path: self.path_of(i) })
+            .collect())
     }
 
     /// The elements of a property that is an array; none if it is absent.
@@ -145,7 +157,8 @@ impl<'a> Json<'a> {
         self.get(key)?.map_or(Ok(Vec::new()), |array| array.elements())
     }
 
-    /// The objects of one of the document's top-level arrays, which the specification forbids to be empty.
+    /// The objects of one of the document's top-level arrays, which the specification forbids to be
+    /// empty.
     pub fn entities(&self, key: &str) -> Parsed<Vec<Json<'a>>> {
         let entities = self.array(key)?;
         if entities.is_empty() && self.has(key) {
@@ -161,7 +174,11 @@ impl<'a> Json<'a> {
     /// This value as a number that single precision can hold.
     pub fn as_number(&self) -> Parsed<f64> {
         let x = self.value.as_f64().ok_or_else(|| self.mismatch("a number"))?;
-        if (x as f32).is_finite() { Ok(x) } else { Err(self.fault(format!("the number {x:e} is too large"))) }
+        if (x as f32).is_finite() {
+            Ok(x)
+        } else {
+            Err(self.fault(format!("the number {x:e} is too large")))
+        }
     }
 
     /// A number.
@@ -188,7 +205,11 @@ impl<'a> Json<'a> {
         }
         Err(self.fault_at(
             key,
-            if high.is_finite() { format!("{x} is not from {low} to {high}") } else { format!("{x} is less than {low}") },
+            if high.is_finite() {
+                format!("{x} is not from {low} to {high}")
+            } else {
+                format!("{x} is less than {low}")
+            },
         ))
     }
 
@@ -207,7 +228,13 @@ impl<'a> Json<'a> {
     }
 
     /// `N` numbers from `low` to `high`, or the default for each.
-    pub fn numbers_in<const N: usize>(&self, key: &str, default: f32, low: f64, high: f64) -> Parsed<[f32; N]> {
+    pub fn numbers_in<const N: usize>(
+        &self,
+        key: &str,
+        default: f32,
+        low: f64,
+        high: f64,
+    ) -> Parsed<[f32; N]> {
         let Some(numbers) = self.numbers::<N>(key)? else { return Ok([default; N]) };
         let mut out = [0.0; N];
         for (i, x) in numbers.into_iter().enumerate() {
@@ -312,15 +339,25 @@ mod tests {
 
     #[test]
     fn complaints_name_the_place() {
-        let document = parse(br#"{"a": [{"b": -1, "c": "x", "d": 1e300, "e": 2.0, "f": [1, 2]}]}"#).unwrap();
+        let document =
+            parse(br#"{"a": [{"b": -1, "c": "x", "d": 1e300, "e": 2.0, "f": [1, 2]}]}"#).unwrap();
         let a = &Json::root(&document).array("a").unwrap()[0];
         assert_eq!(fault(a.unsigned("b")).0, "/a/0/b");
-        assert_eq!(fault(a.number("c")), ("/a/0/c".into(), "must be a number, and is a string".into()));
+        assert_eq!(
+            fault(a.number("c")),
+            ("/a/0/c".into(), "must be a number, and is a string".into())
+        );
         assert_eq!(fault(a.number("d")).0, "/a/0/d");
         assert_eq!(a.unsigned("e").unwrap(), Some(2));
-        assert_eq!(fault(a.index("e", "nodes", 2)), ("/a/0/e".into(), "refers to /nodes/2, and nodes has 2".into()));
+        assert_eq!(
+            fault(a.index("e", "nodes", 2)),
+            ("/a/0/e".into(), "refers to /nodes/2, and nodes has 2".into())
+        );
         assert_eq!(fault(a.numbers::<3>("f")).0, "/a/0/f");
-        assert_eq!(fault(a.need_string("g")), ("/a/0".into(), "the property \"g\" is missing".into()));
+        assert_eq!(
+            fault(a.need_string("g")),
+            ("/a/0".into(), "the property \"g\" is missing".into())
+        );
         assert_eq!(fault(Json::root(&document).object_at("a")).0, "/a");
     }
 }

@@ -57,7 +57,8 @@ impl Component {
         }
     }
 
-    /// The component at the start of `bytes`, exactly; `bytes` has at least [`Component::size`] bytes.
+    /// The component at the start of `bytes`, exactly; `bytes` has at least [`Component::size`]
+    /// bytes.
     fn read(self, bytes: &[u8]) -> f64 {
         match self {
             Self::I8 => f64::from(bytes[0] as i8),
@@ -194,7 +195,11 @@ mod tests {
             assert_eq!((layout.packed_stride(), layout.element()), (stride, element), "{layout:?}");
         }
         let bytes: Vec<u8> = (0..12).collect();
-        let matrix = Strided { bytes: &bytes, stride: 12, layout: Layout { component: Component::U8, shape: Shape::Mat3 } };
+        let matrix = Strided {
+            bytes: &bytes,
+            stride: 12,
+            layout: Layout { component: Component::U8, shape: Shape::Mat3 },
+        };
         let values: Vec<f64> = (0..9).map(|k| matrix.get(0, k)).collect();
         assert_eq!(values, [0.0, 1.0, 2.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0]);
     }
@@ -202,7 +207,12 @@ mod tests {
     #[test]
     fn components_are_read_exactly() {
         let read = |component, bytes: &[u8]| {
-            Strided { bytes, stride: bytes.len(), layout: Layout { component, shape: Shape::Scalar } }.get(0, 0)
+            Strided {
+                bytes,
+                stride: bytes.len(),
+                layout: Layout { component, shape: Shape::Scalar },
+            }
+            .get(0, 0)
         };
         assert_eq!(read(Component::I8, &[0x80]), -128.0);
         assert_eq!(read(Component::I16, &[0, 0x80]), -32768.0);

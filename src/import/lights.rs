@@ -39,7 +39,12 @@ pub(super) fn lights(
     extension.array("lights")?.iter().map(|json| light(json, options, profiles, warnings)).collect()
 }
 
-fn light(json: &Json, options: &ImportOptions, profiles: &mut Profiles, warnings: &mut Vec<String>) -> Parsed<Option<Light>> {
+fn light(
+    json: &Json,
+    options: &ImportOptions,
+    profiles: &mut Profiles,
+    warnings: &mut Vec<String>,
+) -> Parsed<Option<Light>> {
     json.object()?;
     json.string("name")?;
     let color = Color::from_array(json.numbers_in::<3>("color", 1.0, 0.0, f64::INFINITY)?);
@@ -55,11 +60,17 @@ fn light(json: &Json, options: &ImportOptions, profiles: &mut Profiles, warnings
         "directional" => Kind::Directional,
         "spot" => spot(&json.need_object("spot")?)?,
         other => {
-            warnings.push(format!("{} of the unknown type {} is left out", json.label(), quote(other)));
+            warnings.push(format!(
+                "{} of the unknown type {} is left out",
+                json.label(),
+                quote(other)
+            ));
             return Ok(None);
         }
     };
-    if let Some(luminaire) = Luminaire::of_light(json, color, strength, profiles, options.light_units)? {
+    if let Some(luminaire) =
+        Luminaire::of_light(json, color, strength, profiles, options.light_units)?
+    {
         if matches!(kind, Kind::Directional) {
             return Err(json.fault("an IES file needs a light with a place: a point or a spot"));
         }
@@ -75,7 +86,9 @@ fn spot(json: &Json) -> Parsed<Kind> {
         return Err(json.fault_at("outerConeAngle", "must be greater than 0"));
     }
     if inner > outer {
-        return Err(json.fault_at("innerConeAngle", format!("{inner} exceeds the outer angle {outer}")));
+        return Err(
+            json.fault_at("innerConeAngle", format!("{inner} exceeds the outer angle {outer}"))
+        );
     }
     Ok(Kind::Spot { cos_inner: inner.cos(), cos_outer: outer.cos() })
 }
@@ -84,15 +97,23 @@ impl Light {
     /// The light on a node: it shines along the node's -Z, and the node's scale does not touch it.
     pub fn placed(&self, to_world: &DAffine3) -> Option<PunctualLight> {
         let position: Vec3 = to_world.translation.as_vec3();
-        let direction = to_world.transform_vector3(DVec3::NEG_Z).try_normalize().map(|d| d.as_vec3());
+        let direction =
+            to_world.transform_vector3(DVec3::NEG_Z).try_normalize().map(|d| d.as_vec3());
         let Light { ref kind, intensity, range } = *self;
         Some(match *kind {
             Kind::Ies(ref luminaire) => return luminaire.placed(to_world, range),
             Kind::Point => PunctualLight::Point { position, intensity, range },
-            Kind::Spot { cos_inner, cos_outer } => {
-                PunctualLight::Spot { position, direction: direction?, intensity, range, cos_inner, cos_outer }
+            Kind::Spot { cos_inner, cos_outer } => PunctualLight::Spot {
+                position,
+                direction: direction?,
+                intensity,
+                range,
+                cos_inner,
+                cos_outer,
+            },
+            Kind::Directional => {
+                PunctualLight::Directional { direction: direction?, irradiance: intensity }
             }
-            Kind::Directional => PunctualLight::Directional { direction: direction?, irradiance: intensity },
         })
     }
 }

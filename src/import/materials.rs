@@ -20,7 +20,11 @@ const LEFT_OUT: [(&str, &str); 6] = [
 ];
 
 /// All materials of the document.
-pub(super) fn materials(root: &Json, textures: &mut Textures, warnings: &mut Vec<String>) -> Parsed<Vec<Material>> {
+pub(super) fn materials(
+    root: &Json,
+    textures: &mut Textures,
+    warnings: &mut Vec<String>,
+) -> Parsed<Vec<Material>> {
     let entities = root.entities("materials")?;
     for (name, what) in LEFT_OUT {
         let mut count = 0;
@@ -45,13 +49,19 @@ fn color(rgb: [f32; 3]) -> Color {
 }
 
 impl Reader<'_, '_> {
-    fn texture(&mut self, object: &Json, key: &str, space: ColorSpace) -> Parsed<Option<crate::texture::TextureRef>> {
+    fn texture(
+        &mut self,
+        object: &Json,
+        key: &str,
+        space: ColorSpace,
+    ) -> Parsed<Option<crate::texture::TextureRef>> {
         self.textures.reference(object, key, space, self.warnings)
     }
 
     fn material(mut self) -> Parsed<Material> {
         let json = self.json;
-        let mut material = Material { name: json.string("name")?.unwrap_or("").to_owned(), ..Material::default() };
+        let mut material =
+            Material { name: json.string("name")?.unwrap_or("").to_owned(), ..Material::default() };
         self.core(&mut material)?;
         self.surface(&mut material)?;
         self.specular_glossiness(&mut material)?;
@@ -62,7 +72,8 @@ impl Reader<'_, '_> {
         }
         material.unlit = json.extension("KHR_materials_unlit")?.is_some();
         if let Some(extras) = json.get("extras")?.filter(Json::is_object) {
-            material.native = extras.get("lumicache")?.map(|native| native::brdf(&native)).transpose()?;
+            material.native =
+                extras.get("lumicache")?.map(|native| native::brdf(&native)).transpose()?;
         }
         Ok(material)
     }
@@ -75,7 +86,8 @@ impl Reader<'_, '_> {
         material.base_color_texture = self.texture(&pbr, "baseColorTexture", ColorSpace::Srgb)?;
         material.metallic = pbr.number_in("metallicFactor", 1.0, 0.0, 1.0)?;
         material.roughness = pbr.number_in("roughnessFactor", 1.0, 0.0, 1.0)?;
-        material.metallic_roughness_texture = self.texture(&pbr, "metallicRoughnessTexture", ColorSpace::Linear)?;
+        material.metallic_roughness_texture =
+            self.texture(&pbr, "metallicRoughnessTexture", ColorSpace::Linear)?;
         Ok(())
     }
 
@@ -91,10 +103,14 @@ impl Reader<'_, '_> {
             occlusion.number_in("strength", 1.0, 0.0, 1.0)?;
             occlusion.unsigned("index")?.ok_or_else(|| occlusion.missing("index"))?;
         }
-        // The specification ends at 1 and leaves more to KHR_materials_emissive_strength; exporters do not.
+        // The specification ends at 1 and leaves more to KHR_materials_emissive_strength; exporters
+        // do not.
         material.emission = color(json.numbers_in::<3>("emissiveFactor", 0.0, 0.0, ANY)?);
         if material.emission.max_element() > 1.0 {
-            self.warnings.push(format!("{}: emissiveFactor exceeds 1; it is taken as it stands", json.label()));
+            self.warnings.push(format!(
+                "{}: emissiveFactor exceeds 1; it is taken as it stands",
+                json.label()
+            ));
         }
         material.emission_texture = self.texture(json, "emissiveTexture", ColorSpace::Srgb)?;
         let cutoff = json.number_in("alphaCutoff", 0.5, 0.0, ANY)?;
@@ -103,7 +119,11 @@ impl Reader<'_, '_> {
             Some("MASK") => AlphaMode::Mask(cutoff),
             Some("BLEND") => AlphaMode::Blend,
             Some(other) => {
-                self.warnings.push(format!("{}: alphaMode {} is unknown; taken as OPAQUE", json.label(), quote(other)));
+                self.warnings.push(format!(
+                    "{}: alphaMode {} is unknown; taken as OPAQUE",
+                    json.label(),
+                    quote(other)
+                ));
                 AlphaMode::Opaque
             }
         };
@@ -123,21 +143,29 @@ impl Reader<'_, '_> {
         }
         if let Some(specular) = json.extension("KHR_materials_specular")? {
             material.specular = specular.number_in("specularFactor", 1.0, 0.0, 1.0)?;
-            material.specular_texture = self.texture(&specular, "specularTexture", ColorSpace::Linear)?;
-            material.specular_color = color(specular.numbers_in::<3>("specularColorFactor", 1.0, 0.0, ANY)?);
-            material.specular_color_texture = self.texture(&specular, "specularColorTexture", ColorSpace::Srgb)?;
+            material.specular_texture =
+                self.texture(&specular, "specularTexture", ColorSpace::Linear)?;
+            material.specular_color =
+                color(specular.numbers_in::<3>("specularColorFactor", 1.0, 0.0, ANY)?);
+            material.specular_color_texture =
+                self.texture(&specular, "specularColorTexture", ColorSpace::Srgb)?;
         }
         if let Some(transmission) = json.extension("KHR_materials_transmission")? {
             material.transmission = transmission.number_in("transmissionFactor", 0.0, 0.0, 1.0)?;
-            material.transmission_texture = self.texture(&transmission, "transmissionTexture", ColorSpace::Linear)?;
+            material.transmission_texture =
+                self.texture(&transmission, "transmissionTexture", ColorSpace::Linear)?;
         }
         if let Some(volume) = json.extension("KHR_materials_volume")? {
             // Rays find the thickness of a solid themselves: only whether there is one counts.
             material.thin = volume.number_in("thicknessFactor", 0.0, 0.0, ANY)? == 0.0;
-            material.attenuation_color = color(volume.numbers_in::<3>("attenuationColor", 1.0, 0.0, 1.0)?);
+            material.attenuation_color =
+                color(volume.numbers_in::<3>("attenuationColor", 1.0, 0.0, 1.0)?);
             if let Some(distance) = volume.number("attenuationDistance")? {
                 if distance <= 0.0 {
-                    return Err(volume.fault_at("attenuationDistance", format!("{distance} is not greater than 0")));
+                    return Err(volume.fault_at(
+                        "attenuationDistance",
+                        format!("{distance} is not greater than 0"),
+                    ));
                 }
                 material.attenuation_distance = distance as f32;
             }
@@ -151,27 +179,40 @@ impl Reader<'_, '_> {
         material.clearcoat = coat.number_in("clearcoatFactor", 0.0, 0.0, 1.0)?;
         material.clearcoat_texture = self.texture(&coat, "clearcoatTexture", ColorSpace::Linear)?;
         material.clearcoat_roughness = coat.number_in("clearcoatRoughnessFactor", 0.0, 0.0, 1.0)?;
-        material.clearcoat_roughness_texture = self.texture(&coat, "clearcoatRoughnessTexture", ColorSpace::Linear)?;
+        material.clearcoat_roughness_texture =
+            self.texture(&coat, "clearcoatRoughnessTexture", ColorSpace::Linear)?;
         if coat.object_at("clearcoatNormalTexture")?.is_some() && material.clearcoat > 0.0 {
-            self.warnings.push(format!("{}: the normal map of its clear coat is left out", self.json.label()));
+            self.warnings.push(format!(
+                "{}: the normal map of its clear coat is left out",
+                self.json.label()
+            ));
         }
         Ok(())
     }
 
-    /// KHR_materials_pbrSpecularGlossiness, said in our terms: a dielectric whose F0 is the specular colour alone (index of refraction 0).
+    /// KHR_materials_pbrSpecularGlossiness, said in our terms: a dielectric whose F0 is the
+    /// specular colour alone (index of refraction 0).
     fn specular_glossiness(&mut self, material: &mut Material) -> Parsed<()> {
-        let Some(old) = self.json.extension("KHR_materials_pbrSpecularGlossiness")? else { return Ok(()) };
+        let Some(old) = self.json.extension("KHR_materials_pbrSpecularGlossiness")? else {
+            return Ok(());
+        };
         let [r, g, b, a] = old.numbers_in::<4>("diffuseFactor", 1.0, 0.0, 1.0)?;
         (material.base_color, material.base_alpha) = (color([r, g, b]), a);
         material.base_color_texture = self.texture(&old, "diffuseTexture", ColorSpace::Srgb)?;
         material.metallic = 0.0;
         material.ior = 0.0;
         material.specular_color = color(old.numbers_in::<3>("specularFactor", 1.0, 0.0, 1.0)?);
-        material.specular_color_texture = self.texture(&old, "specularGlossinessTexture", ColorSpace::Srgb)?;
+        material.specular_color_texture =
+            self.texture(&old, "specularGlossinessTexture", ColorSpace::Srgb)?;
         let glossiness = old.number_in("glossinessFactor", 1.0, 0.0, 1.0)?;
-        material.metallic_roughness_texture =
-            self.textures.roughness_from_glossiness(&old, "specularGlossinessTexture", glossiness, self.warnings)?;
-        material.roughness = if material.metallic_roughness_texture.is_some() { 1.0 } else { 1.0 - glossiness };
+        material.metallic_roughness_texture = self.textures.roughness_from_glossiness(
+            &old,
+            "specularGlossinessTexture",
+            glossiness,
+            self.warnings,
+        )?;
+        material.roughness =
+            if material.metallic_roughness_texture.is_some() { 1.0 } else { 1.0 - glossiness };
         Ok(())
     }
 }

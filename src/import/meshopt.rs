@@ -53,14 +53,18 @@ pub(super) fn is_fallback(buffer: &Json) -> Parsed<bool> {
 }
 
 impl<'a> Compressed<'a> {
-    /// The compression of a buffer view, `None` if it is stored plainly; `buffers` is the number of buffers.
+    /// The compression of a buffer view, `None` if it is stored plainly; `buffers` is the number of
+    /// buffers.
     pub fn of(view: &Json<'a>, buffers: usize) -> Parsed<Option<Self>> {
         let Some(json) = extension(view)? else { return Ok(None) };
         let mode = match json.need_string("mode")? {
             "ATTRIBUTES" => Mode::Attributes,
             "TRIANGLES" => Mode::Triangles,
             "INDICES" => Mode::Indices,
-            other => return Err(json.fault_at("mode", format!("{} is no mode of this compression", quote(other)))),
+            other => {
+                return Err(json
+                    .fault_at("mode", format!("{} is no mode of this compression", quote(other))));
+            }
         };
         let filter = match json.string("filter")? {
             None | Some("NONE") => Filter::None,
@@ -68,7 +72,12 @@ impl<'a> Compressed<'a> {
             Some("QUATERNION") => Filter::Quaternion,
             Some("EXPONENTIAL") => Filter::Exponential,
             Some("COLOR") => Filter::Color,
-            Some(other) => return Err(json.fault_at("filter", format!("{} is no filter of this compression", quote(other)))),
+            Some(other) => {
+                return Err(json.fault_at(
+                    "filter",
+                    format!("{} is no filter of this compression", quote(other)),
+                ));
+            }
         };
         let this = Self {
             buffer: json.need_index("buffer", "buffers", buffers)?,
@@ -103,7 +112,8 @@ impl<'a> Compressed<'a> {
             Filter::Exponential => stride % 4 == 0,
         };
         if !filter_fits || (*filter != Filter::None && *mode != Mode::Attributes) {
-            return Err(json.fault_at("filter", format!("it does not suit the mode or the stride {stride}")));
+            return Err(json
+                .fault_at("filter", format!("it does not suit the mode or the stride {stride}")));
         }
         Ok(())
     }
@@ -112,33 +122,49 @@ impl<'a> Compressed<'a> {
     pub fn decode(&self, source: &[u8], length: u64, budget: &mut Budget) -> Parsed<Vec<u8>> {
         let Self { json, stride, count, .. } = self;
         if stride.checked_mul(*count) != Some(length) {
-            return Err(json.fault(format!("{count} elements of {stride} bytes are not the {length} bytes of the view")));
+            return Err(json.fault(format!(
+                "{count} elements of {stride} bytes are not the {length} bytes of the view"
+            )));
         }
-        // The fewest bytes that the formats need: a byte for each triangle or index, 2 bits for 256 bytes of vertices.
+        // The fewest bytes that the formats need: a byte for each triangle or index, 2 bits for 256
+        // bytes of vertices.
         let most = match self.mode {
             Mode::Triangles => 3 * source.len() as u64,
             Mode::Indices => source.len() as u64,
             Mode::Attributes => (1024 * source.len() as u64) / stride,
         };
         if *count > most {
-            return Err(json.fault_at("count", format!("{} compressed bytes cannot hold {count} elements", source.len())));
+            return Err(json.fault_at(
+                "count",
+                format!("{} compressed bytes cannot hold {count} elements", source.len()),
+            ));
         }
         budget.spend(*count, *stride, json.path())?;
         let n = *count as usize;
         let broken = |_| json.fault("the compressed data is broken");
         let mut bytes = match (self.mode, stride) {
             (Mode::Attributes, _) => vertices(source, n, *stride as usize).map_err(broken)?,
-            (Mode::Triangles, 2) => to_bytes(&::meshopt::decode_index_buffer::<u16>(source, n).map_err(broken)?),
-            (Mode::Triangles, _) => to_bytes(&::meshopt::decode_index_buffer::<u32>(source, n).map_err(broken)?),
-            (Mode::Indices, 2) => to_bytes(&::meshopt::decode_index_sequence::<u16>(source, n).map_err(broken)?),
-            (Mode::Indices, _) => to_bytes(&::meshopt::decode_index_sequence::<u32>(source, n).map_err(broken)?),
+            (Mode::Triangles, 2) => {
+                to_bytes(&::meshopt::decode_index_buffer::<u16>(source, n).map_err(broken)?)
+            }
+            (Mode::Triangles, _) => {
+                to_bytes(&::meshopt::decode_index_buffer::<u32>(source, n).map_err(broken)?)
+            }
+            (Mode::Indices, 2) => {
+                to_bytes(&::meshopt::decode_index_sequence::<u16>(source, n).map_err(broken)?)
+            }
+            (Mode::Indices, _) => {
+                to_bytes(&::meshopt::decode_index_sequence::<u32>(source, n).map_err(broken)?)
+            }
         };
         self.unfilter(&mut bytes);
         Ok(bytes)
     }
 
     fn unfilter(&self, bytes: &mut [u8]) {
-        use ::meshopt::{decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat};
+        use ::meshopt::{
+            decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat,
+        };
         match (self.filter, self.stride) {
             (Filter::None, _) => {}
             (Filter::Octahedral, 4) => in_place::<[i8; 4]>(bytes, decode_filter_oct),
@@ -151,7 +177,8 @@ impl<'a> Compressed<'a> {
     }
 }
 
-/// Runs a filter over bytes that are elements of type `T`; they are copied because bytes need not be aligned for `T`.
+/// Runs a filter over bytes that are elements of type `T`; they are copied because bytes need not
+/// be aligned for `T`.
 fn in_place<T: bytemuck::Pod>(bytes: &mut [u8], filter: impl FnOnce(&mut [T])) {
     let mut elements: Vec<T> = bytemuck::pod_collect_to_vec(bytes);
     filter(&mut elements);
@@ -206,7 +233,8 @@ mod tests {
     fn decode(mut extension: Value, source: &[u8]) -> Parsed<Vec<u8>> {
         extension["buffer"] = json!(0);
         extension["byteLength"] = json!(source.len());
-        let length = extension["byteStride"].as_u64().unwrap() * extension["count"].as_u64().unwrap();
+        let length =
+            extension["byteStride"].as_u64().unwrap() * extension["count"].as_u64().unwrap();
         let view = json!({"extensions": {"KHR_meshopt_compression": extension}});
         let compressed = Compressed::of(&Json::root(&view), 1)?.unwrap();
         compressed.decode(source, length, &mut Budget::of_geometry())
@@ -219,7 +247,9 @@ mod tests {
         let triangles = codec::encode_index_buffer(&indices, 102).unwrap();
         let sequence = codec::encode_index_sequence(&indices, 102).unwrap();
         for (mode, source) in [("TRIANGLES", &triangles), ("INDICES", &sequence)] {
-            let read = |stride: u32| decode(json!({"mode": mode, "byteStride": stride, "count": 300}), source).unwrap();
+            let read = |stride: u32| {
+                decode(json!({"mode": mode, "byteStride": stride, "count": 300}), source).unwrap()
+            };
             let (wide, narrow) = (read(4), read(2));
             let wide: Vec<u32> = bytemuck::pod_collect_to_vec(&wide);
             let narrow: Vec<u16> = bytemuck::pod_collect_to_vec(&narrow);
@@ -227,55 +257,88 @@ mod tests {
                 assert_eq!((&wide, &narrow), (&indices, &short));
             }
             // The encoder of triangles may rotate their corners.
-            let canonical = |t: &[u32]| (0..3).map(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]]).min().unwrap();
-            let sets = [&wide, &indices].map(|all| all.chunks(3).map(canonical).collect::<Vec<_>>());
+            let canonical =
+                |t: &[u32]| (0..3).map(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]]).min().unwrap();
+            let sets =
+                [&wide, &indices].map(|all| all.chunks(3).map(canonical).collect::<Vec<_>>());
             assert_eq!(sets[0], sets[1]);
             assert!(wide.iter().zip(&narrow).all(|(a, b)| *a == u32::from(*b)));
         }
-        let vertices: Vec<[f32; 5]> = (0..500).map(|i| [i as f32, 0.5, -(i as f32) / 7.0, 1e9, 0.0]).collect();
+        let vertices: Vec<[f32; 5]> =
+            (0..500).map(|i| [i as f32, 0.5, -(i as f32) / 7.0, 1e9, 0.0]).collect();
         let source = codec::encode_vertex_buffer(&vertices).unwrap();
-        let bytes = decode(json!({"mode": "ATTRIBUTES", "byteStride": 20, "count": 500}), &source).unwrap();
+        let bytes =
+            decode(json!({"mode": "ATTRIBUTES", "byteStride": 20, "count": 500}), &source).unwrap();
         assert_eq!(bytes, bytemuck::cast_slice::<_, u8>(&vertices));
     }
 
     #[test]
     fn every_filter_is_undone() {
         let attributes = |filter: &str, stride: usize, source: &[u8]| {
-            decode(json!({"mode": "ATTRIBUTES", "filter": filter, "byteStride": stride, "count": 3}), source).unwrap()
+            decode(
+                json!({"mode": "ATTRIBUTES", "filter": filter, "byteStride": stride, "count": 3}),
+                source,
+            )
+            .unwrap()
         };
         let axes = [[1.0f32, 0.0, 0.0, 0.0], [0.0, 0.6, -0.8, 0.0], [0.0, 0.0, 1.0, 0.0]];
         let close = |got: &[f32], wanted: &[f32], tolerance: f32| {
-            assert!(got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < tolerance), "{got:?} and {wanted:?}");
+            assert!(
+                got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < tolerance),
+                "{got:?} and {wanted:?}"
+            );
         };
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_oct::<i8>(&axes, 8)).unwrap();
+        let source =
+            codec::encode_vertex_buffer(&codec::encode_filter_oct::<i8>(&axes, 8)).unwrap();
         let bytes = attributes("OCTAHEDRAL", 4, &source);
         let narrow: Vec<f32> = bytes.iter().map(|b| f32::from(*b as i8) / 127.0).collect();
         close(&narrow, axes.as_flattened(), 0.02);
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_oct::<i16>(&axes, 16)).unwrap();
+        let source =
+            codec::encode_vertex_buffer(&codec::encode_filter_oct::<i16>(&axes, 16)).unwrap();
         let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("OCTAHEDRAL", 8, &source));
-        close(&words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(), axes.as_flattened(), 1e-3);
+        close(
+            &words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(),
+            axes.as_flattened(),
+            1e-3,
+        );
 
         let turns = [[0.0f32, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5], [0.0, 0.6, 0.0, 0.8]];
         let source = codec::encode_vertex_buffer(&codec::encode_filter_quat(&turns, 14)).unwrap();
         let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("QUATERNION", 8, &source));
-        close(&words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(), turns.as_flattened(), 1e-3);
+        close(
+            &words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(),
+            turns.as_flattened(),
+            1e-3,
+        );
 
         let points = [[1.5f32, -200.0, 0.001], [0.0, 7.0, 1e6], [-1.0, 2.0, 3.0]];
         let mode = codec::EncodeExpMode::Separate;
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_exp::<3>(&points, 24, mode)).unwrap();
-        let values: Vec<f32> = bytemuck::pod_collect_to_vec(&attributes("EXPONENTIAL", 12, &source));
+        let source =
+            codec::encode_vertex_buffer(&codec::encode_filter_exp::<3>(&points, 24, mode)).unwrap();
+        let values: Vec<f32> =
+            bytemuck::pod_collect_to_vec(&attributes("EXPONENTIAL", 12, &source));
         // 24 bits are a mantissa of 23 with its sign.
         for (got, wanted) in values.iter().zip(points.as_flattened()) {
             assert!((got - wanted).abs() <= 1e-6 * wanted.abs(), "{got} and {wanted}");
         }
 
         let colors = [[1.0f32, 0.0, 0.0, 1.0], [0.2, 0.4, 0.6, 0.8], [1.0, 1.0, 1.0, 0.0]];
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_color::<u8>(&colors, 8)).unwrap();
+        let source =
+            codec::encode_vertex_buffer(&codec::encode_filter_color::<u8>(&colors, 8)).unwrap();
         let bytes = attributes("COLOR", 4, &source);
-        close(&bytes.iter().map(|b| f32::from(*b) / 255.0).collect::<Vec<_>>(), colors.as_flattened(), 0.02);
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_color::<u16>(&colors, 16)).unwrap();
+        close(
+            &bytes.iter().map(|b| f32::from(*b) / 255.0).collect::<Vec<_>>(),
+            colors.as_flattened(),
+            0.02,
+        );
+        let source =
+            codec::encode_vertex_buffer(&codec::encode_filter_color::<u16>(&colors, 16)).unwrap();
         let words: Vec<u16> = bytemuck::pod_collect_to_vec(&attributes("COLOR", 8, &source));
-        close(&words.iter().map(|w| f32::from(*w) / 65535.0).collect::<Vec<_>>(), colors.as_flattened(), 1e-3);
+        close(
+            &words.iter().map(|w| f32::from(*w) / 65535.0).collect::<Vec<_>>(),
+            colors.as_flattened(),
+            1e-3,
+        );
     }
 
     #[test]
@@ -290,9 +353,23 @@ mod tests {
         }
         assert!(read(&source, 12, 1_000_000_000).unwrap_err().what.contains("cannot hold"));
         assert!(read(&source, 10, 100).is_err() && read(&source, 260, 4).is_err());
-        for (mode, count) in [("TRIANGLES", 3_000_000_000u64), ("INDICES", 1_000_000_000), ("TRIANGLES", 4), ("POINTS", 3)] {
-            assert!(decode(json!({"mode": mode, "byteStride": 4, "count": count}), &source).is_err(), "{mode} {count}");
+        for (mode, count) in [
+            ("TRIANGLES", 3_000_000_000u64),
+            ("INDICES", 1_000_000_000),
+            ("TRIANGLES", 4),
+            ("POINTS", 3),
+        ] {
+            assert!(
+                decode(json!({"mode": mode, "byteStride": 4, "count": count}), &source).is_err(),
+                "{mode} {count}"
+            );
         }
-        assert!(decode(json!({"mode": "INDICES", "byteStride": 4, "count": 3, "filter": "COLOR"}), &source).is_err());
+        assert!(
+            decode(
+                json!({"mode": "INDICES", "byteStride": 4, "count": 3, "filter": "COLOR"}),
+                &source
+            )
+            .is_err()
+        );
     }
 }

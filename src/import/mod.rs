@@ -2,25 +2,32 @@
 //!
 //! # What is read
 //!
-//! Everything of the core specification that a still picture shows, and the extensions KHR_lights_punctual, EXT_lights_ies, KHR_materials_clearcoat (without
-//! its normal map), _emissive_strength, _ior, _pbrSpecularGlossiness, _specular, _transmission, _unlit and _volume, KHR_mesh_quantization,
-//! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression (and KHR_meshopt_compression) and EXT_texture_webp. A file that requires
-//! any other extension is refused; where it only uses one, the specification promises a sensible scene without.
+//! Everything of the core specification that a still picture shows, and the extensions
+//! KHR_lights_punctual, EXT_lights_ies, KHR_materials_clearcoat (without its normal map),
+//! _emissive_strength, _ior, _pbrSpecularGlossiness, _specular, _transmission, _unlit and _volume,
+//! KHR_mesh_quantization, KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression
+//! (and KHR_meshopt_compression) and EXT_texture_webp. A file that requires any other extension is
+//! refused; where it only uses one, the specification promises a sensible scene without.
 //!
-//! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations only those that move cameras are read. Points and lines are left out with a warning, and so
-//! are triangles without area and instances whose transform is singular. Meshes that several nodes show are stored once.
+//! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations
+//! only those that move cameras are read. Points and lines are left out with a warning, and so
+//! are triangles without area and instances whose transform is singular. Meshes that several nodes
+//! show are stored once.
 //!
 //! # How strict it is
 //!
-//! The whole document is checked, also what no scene shows: references, ranges, buffer views, accessors and their numbers, images. What
-//! breaks the specification is an error with its JSON path. Only where files in circulation break it and no harm comes of it is there a warning instead:
-//! normals and quaternions of the wrong length, declared bounds wider than the data, an emissiveFactor above 1, unknown names in enumerations,
-//! references of textures that no material uses. Memory is bounded by the size of the files: an accessor of a billion elements in a file
-//! of a hundred bytes is refused before anything is allocated.
+//! The whole document is checked, also what no scene shows: references, ranges, buffer views,
+//! accessors and their numbers, images. What breaks the specification is an error with its JSON
+//! path. Only where files in circulation break it and no harm comes of it is there a warning
+//! instead: normals and quaternions of the wrong length, declared bounds wider than the data, an
+//! emissiveFactor above 1, unknown names in enumerations, references of textures that no material
+//! uses. Memory is bounded by the size of the files: an accessor of a billion elements in a file of
+//! a hundred bytes is refused before anything is allocated.
 //!
 //! # Native materials
 //!
-//! The BRDFs of the caching papers take the place of the glTF model where the `extras` of a material say so:
+//! The BRDFs of the caching papers take the place of the glTF model where the `extras` of a
+//! material say so:
 //!
 //! ```json
 //! {"name": "floor", "extras": {"lumicache": {"brdf": "phong", "kd": [0.2, 0.2, 0.3], "ks": 0.5, "exponent": 50}}}
@@ -39,21 +46,23 @@
 //! | `cx`, `cy`, `cz` | a lobe | coefficients of the three axes | | required, `cx`, required |
 //! | `exponent` | a lobe | exponent | at least 0 | required |
 //!
-//! Albedos, coefficients and a lobe's exponent are one number for all channels or three, linear Rec. 709. The first tangent is that of the mesh, along its
-//! first texture coordinate. Unknown properties are errors. [`crate::material::NativeBrdf`] has the formulas.
+//! Albedos, coefficients and a lobe's exponent are one number for all channels or three, linear
+//! Rec. 709. The first tangent is that of the mesh, along its first texture coordinate. Unknown
+//! properties are errors. [`crate::material::NativeBrdf`] has the formulas.
 //!
 //! # Luminaires
 //!
-//! An IES file is a light where EXT_lights_ies says so, and for exporters that do not write it, where the `extras` of a node or of a light of
-//! KHR_lights_punctual name one:
+//! An IES file is a light where EXT_lights_ies says so, and for exporters that do not write it,
+//! where the `extras` of a node or of a light of KHR_lights_punctual name one:
 //!
 //! ```json
 //! {"name": "lamp on a node", "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "color": [1, 0.9, 0.8]}}}
 //! {"type": "point", "color": [1, 0.9, 0.8], "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "relative": false}}}
 //! ```
 //!
-//! The file stands beside the scene; the light shines along the node's -Z. Its candela are those of the file times `multiplier` and `color`; the
-//! light's `intensity` counts only where `relative` is true, and is then the intensity in the brightest direction. A TILT section takes effect by
+//! The file stands beside the scene; the light shines along the node's -Z. Its candela are those of
+//! the file times `multiplier` and `color`; the light's `intensity` counts only where `relative` is
+//! true, and is then the intensity in the brightest direction. A TILT section takes effect by
 //! the node's inclination, straight down being -Y.
 
 mod accessor_data;
@@ -108,7 +117,8 @@ pub enum LightUnits {
     /// As the file has them.
     #[default]
     Photometric,
-    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts; IES files and skies, which are photometric, too.
+    /// Divided by 683 lm/W, with which Blender's exporter multiplies watts; IES files and skies,
+    /// which are photometric, too.
     Radiometric,
 }
 
@@ -142,18 +152,24 @@ pub struct ImportOptions {
 
 /// Reads the glTF 2.0 file at `path`.
 ///
-/// Skinned meshes stand in their rest pose, morph targets have their default weights; animations move cameras alone.
+/// Skinned meshes stand in their rest pose, morph targets have their default weights; animations
+/// move cameras alone.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, [`Error::Scene`] with the JSON path of the place where it, or a file that it refers to, is broken, and
-/// [`Error::Unsupported`] if it requires an extension that is not read.
+/// [`Error::Io`] if the file cannot be read, [`Error::Scene`] with the JSON path of the place where
+/// it, or a file that it refers to, is broken, and [`Error::Unsupported`] if it requires an
+/// extension that is not read.
 pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
     let metadata = std::fs::metadata(path).map_err(Error::io(path))?;
     if !metadata.is_file() {
         return Err(Error::scene(path, "", "it is not a regular file"));
     }
     if metadata.len() > u64::from(u32::MAX) {
-        return Err(Error::scene(path, "", "it is larger than 4 GiB, which no GLB can be and no document should"));
+        return Err(Error::scene(
+            path,
+            "",
+            "it is larger than 4 GiB, which no GLB can be and no document should",
+        ));
     }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     read(bytes, path, options).map_err(|fault| fault.into_error(path))

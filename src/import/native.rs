@@ -1,4 +1,5 @@
-//! The BRDFs of the caching papers as the `extras` of a glTF material describe them; the format is documented at [`super`].
+//! The BRDFs of the caching papers as the `extras` of a glTF material describe them; the format is
+//! documented at [`super`].
 
 use super::json::{Json, Parsed, quote};
 use crate::material::{LafortuneLobe, NativeBrdf};
@@ -13,7 +14,10 @@ pub(super) fn brdf(json: &Json) -> Parsed<NativeBrdf> {
         "lafortune" => &["kd", "lobes"],
         "ward" => &["kd", "ks", "alpha_x", "alpha_y"],
         other => {
-            return Err(json.fault_at("brdf", format!("{} is none of \"phong\", \"lafortune\" and \"ward\"", quote(other))));
+            return Err(json.fault_at(
+                "brdf",
+                format!("{} is none of \"phong\", \"lafortune\" and \"ward\"", quote(other)),
+            ));
         }
     };
     reject_unknown(json, known)?;
@@ -34,7 +38,10 @@ pub(super) fn brdf(json: &Json) -> Parsed<NativeBrdf> {
             let elements = json.array("lobes")?;
             let mut lobes = [LafortuneLobe::default(); 3];
             if elements.is_empty() || elements.len() > lobes.len() {
-                return Err(json.fault_at("lobes", format!("must have 1 to 3 elements, and has {}", elements.len())));
+                return Err(json.fault_at(
+                    "lobes",
+                    format!("must have 1 to 3 elements, and has {}", elements.len()),
+                ));
             }
             for (lobe, element) in lobes.iter_mut().zip(&elements) {
                 *lobe = self::lobe(element)?;
@@ -47,9 +54,11 @@ pub(super) fn brdf(json: &Json) -> Parsed<NativeBrdf> {
 /// A misspelt property would silently give another material.
 fn reject_unknown(json: &Json, known: &[&str]) -> Parsed<()> {
     match json.object()?.keys().find(|key| *key != "brdf" && !known.contains(&key.as_str())) {
-        Some(key) => {
-            Err(json.fault(format!("the property {} is unknown here; known are brdf, {}", quote(key), known.join(", "))))
-        }
+        Some(key) => Err(json.fault(format!(
+            "the property {} is unknown here; known are brdf, {}",
+            quote(key),
+            known.join(", ")
+        ))),
         None => Ok(()),
     }
 }
@@ -76,7 +85,10 @@ fn albedo(json: &Json, key: &str) -> Parsed<Color> {
 fn specular(json: &Json, kd: Color) -> Parsed<Color> {
     let ks = albedo(json, "ks")?;
     if (kd + ks).max_element() > 1.0 + 1e-5 {
-        return Err(json.fault_at("ks", "kd + ks exceeds 1, so the material would reflect more light than it receives"));
+        return Err(json.fault_at(
+            "ks",
+            "kd + ks exceeds 1, so the material would reflect more light than it receives",
+        ));
     }
     Ok(ks)
 }
@@ -115,14 +127,25 @@ mod tests {
     fn the_three_models() {
         assert_eq!(
             read(r#"{"brdf": "phong", "kd": 0.2, "ks": [0.3, 0.4, 0.5], "exponent": 50}"#).unwrap(),
-            NativeBrdf::Phong { kd: Color::splat(0.2), ks: Color::new(0.3, 0.4, 0.5), exponent: 50.0 }
+            NativeBrdf::Phong {
+                kd: Color::splat(0.2),
+                ks: Color::new(0.3, 0.4, 0.5),
+                exponent: 50.0
+            }
         );
         assert_eq!(
             read(r#"{"brdf": "ward", "ks": 0.1, "alpha_x": 0.1, "alpha_y": 0.3}"#).unwrap(),
-            NativeBrdf::WardDuer { kd: Color::ZERO, ks: Color::splat(0.1), alpha_x: 0.1, alpha_y: 0.3 }
+            NativeBrdf::WardDuer {
+                kd: Color::ZERO,
+                ks: Color::splat(0.1),
+                alpha_x: 0.1,
+                alpha_y: 0.3
+            }
         );
         let lafortune = r#"{"brdf": "lafortune", "kd": 0.1, "lobes": [{"cx": -1, "cz": [0.9, 0.8, 0.7], "exponent": 20}]}"#;
-        let Ok(NativeBrdf::Lafortune { lobes, count: 1, .. }) = read(lafortune) else { panic!("no Lafortune BRDF") };
+        let Ok(NativeBrdf::Lafortune { lobes, count: 1, .. }) = read(lafortune) else {
+            panic!("no Lafortune BRDF")
+        };
         assert_eq!(lobes[0].cy, Color::splat(-1.0));
         assert_eq!(lobes[0].cz, Color::new(0.9, 0.8, 0.7));
     }
@@ -138,7 +161,10 @@ mod tests {
             (r#"{"brdf": "phong", "exponent": 1, "shininess": 1}"#, ""),
             (r#"{"brdf": "ward", "alpha_x": 0}"#, "/alpha_x"),
             (r#"{"brdf": "lafortune", "lobes": []}"#, "/lobes"),
-            (r#"{"brdf": "lafortune", "lobes": [{"cx": 1, "cz": 1, "exponent": "a"}]}"#, "/lobes/0/exponent"),
+            (
+                r#"{"brdf": "lafortune", "lobes": [{"cx": 1, "cz": 1, "exponent": "a"}]}"#,
+                "/lobes/0/exponent",
+            ),
         ] {
             let Fault { path: actual, .. } = read(text).expect_err(text);
             assert_eq!(actual, path, "{text}");

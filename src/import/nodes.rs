@@ -59,23 +59,31 @@ impl Graph {
         for i in 0..nodes.len() {
             for (k, child) in nodes[i].children.clone().into_iter().enumerate() {
                 if let Some(other) = nodes[child].parent {
-                    let what = format!("/nodes/{child} is already a child of /nodes/{other}: nodes must form trees");
+                    let what = format!(
+                        "/nodes/{child} is already a child of /nodes/{other}: nodes must form trees"
+                    );
                     return Err(Fault::new(format!("/nodes/{i}/children/{k}"), what));
                 }
                 nodes[child].parent = Some(i);
             }
         }
-        // Every node has at most one parent now, so whatever no root leads to is on or under a cycle.
-        let mut order: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
+        // Every node has at most one parent now, so whatever no root leads to is on or under a
+        // cycle.
+        let mut order: Vec<usize> =
+            (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
         let mut next = 0;
         while next < order.len() {
             let i = order[next];
             next += 1;
             let parent = nodes[i].parent.map_or(DAffine3::IDENTITY, |p| nodes[p].to_world);
             let to_world = parent * locals[i];
-            let (matrix, translation) = (to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
+            let (matrix, translation) =
+                (to_world.matrix3.as_mat3(), to_world.translation.as_vec3());
             if !matrix.is_finite() || !translation.is_finite() {
-                return Err(Fault::new(nodes[i].path.as_str(), "its transform leaves the range of numbers"));
+                return Err(Fault::new(
+                    nodes[i].path.as_str(),
+                    "its transform leaves the range of numbers",
+                ));
             }
             nodes[i].to_world = to_world;
             order.extend(nodes[i].children.iter());
@@ -99,7 +107,8 @@ impl Graph {
 
     /// The node and those above it, root first.
     pub fn line(&self, node: usize) -> Vec<usize> {
-        let mut line: Vec<usize> = std::iter::successors(Some(node), |&i| self.nodes[i].parent).collect();
+        let mut line: Vec<usize> =
+            std::iter::successors(Some(node), |&i| self.nodes[i].parent).collect();
         line.reverse();
         line
     }
@@ -109,7 +118,8 @@ impl Graph {
         (0..self.nodes.len()).filter(|i| self.is_root(*i)).collect()
     }
 
-    /// The nodes of the trees under `roots`, parents before children, in the order of the document's lists.
+    /// The nodes of the trees under `roots`, parents before children, in the order of the
+    /// document's lists.
     pub fn reachable(&self, roots: &[usize]) -> Vec<usize> {
         let mut stack: Vec<usize> = roots.iter().rev().copied().collect();
         let mut order = Vec::new();
@@ -122,25 +132,40 @@ impl Graph {
 }
 
 fn node(json: &Json, nodes: usize, counts: &Counts) -> Parsed<Node> {
-    let children = json.array("children")?.iter().map(|c| c.as_index("nodes", nodes)).collect::<Parsed<Vec<_>>>()?;
+    let children = json
+        .array("children")?
+        .iter()
+        .map(|c| c.as_index("nodes", nodes))
+        .collect::<Parsed<Vec<_>>>()?;
     let light = match json.extension("KHR_lights_punctual")? {
-        Some(reference) => Some(reference.need_index("light", "extensions/KHR_lights_punctual/lights", counts.lights)?),
+        Some(reference) => Some(reference.need_index(
+            "light",
+            "extensions/KHR_lights_punctual/lights",
+            counts.lights,
+        )?),
         None => None,
     };
     let instancing = match json.extension("EXT_mesh_gpu_instancing")? {
         Some(extension) => {
             let attributes = extension.need_object("attributes")?;
             let accessor = |key: &str| attributes.index(key, "accessors", counts.accessors);
-            let (translation, rotation, scale) = (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
+            let (translation, rotation, scale) =
+                (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
             Some(Instancing { translation, rotation, scale })
         }
         None => None,
     };
     let weights = match json.has("weights") {
-        true => Some(json.array("weights")?.iter().map(|w| Ok(w.as_number()? as f32)).collect::<Parsed<Vec<_>>>()?),
+        true => Some(
+            json.array("weights")?
+                .iter()
+                .map(|w| Ok(w.as_number()? as f32))
+                .collect::<Parsed<Vec<_>>>()?,
+        ),
         false => None,
     };
-    let (mesh, skin) = (json.index("mesh", "meshes", counts.meshes)?, json.index("skin", "skins", counts.skins)?);
+    let (mesh, skin) =
+        (json.index("mesh", "meshes", counts.meshes)?, json.index("skin", "skins", counts.skins)?);
     if mesh.is_none() && (skin.is_some() || weights.is_some()) {
         return Err(json.fault("it has a skin or weights, and no mesh"));
     }
@@ -164,7 +189,10 @@ pub(super) fn local_transform(json: &Json, warnings: &mut Vec<String>) -> Parsed
     let rotation = json.numbers::<4>("rotation")?;
     if let Some(matrix) = json.numbers::<16>("matrix")? {
         if translation.is_some() || rotation.is_some() || scale.is_some() {
-            return Err(json.fault_at("matrix", "a node has either a matrix or translation, rotation and scale, not both"));
+            return Err(json.fault_at(
+                "matrix",
+                "a node has either a matrix or translation, rotation and scale, not both",
+            ));
         }
         let matrix = DMat4::from_cols_array(&matrix);
         let last = matrix.row(3);
@@ -178,7 +206,11 @@ pub(super) fn local_transform(json: &Json, warnings: &mut Vec<String>) -> Parsed
         None => DQuat::IDENTITY,
     };
     let translation = translation.map_or(DVec3::ZERO, DVec3::from_array);
-    Ok(DAffine3::from_scale_rotation_translation(scale.map_or(DVec3::ONE, DVec3::from_array), rotation, translation))
+    Ok(DAffine3::from_scale_rotation_translation(
+        scale.map_or(DVec3::ONE, DVec3::from_array),
+        rotation,
+        translation,
+    ))
 }
 
 /// The rotation of a quaternion, which is made unit where it is nearly so.
@@ -226,16 +258,31 @@ pub(super) fn scene_roots(
         }
         lists.push(list);
     }
-    let names = || scenes.iter().filter_map(Json::object_name).map(super::json::quote).collect::<Vec<_>>().join(", ");
+    let names = || {
+        scenes
+            .iter()
+            .filter_map(Json::object_name)
+            .map(super::json::quote)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
     let chosen = match choice {
         None => default.or_else(|| (!scenes.is_empty()).then_some(0)),
         Some(super::SceneChoice::Index(i)) if *i < scenes.len() => Some(*i),
         Some(super::SceneChoice::Index(i)) => {
-            return Err(Fault::new("/scenes", format!("there is no scene {i}: the file has {}", scenes.len())));
+            return Err(Fault::new(
+                "/scenes",
+                format!("there is no scene {i}: the file has {}", scenes.len()),
+            ));
         }
         Some(super::SceneChoice::Name(name)) => {
             let found = scenes.iter().position(|s| s.object_name() == Some(name));
-            Some(found.ok_or_else(|| Fault::new("/scenes", format!("no scene is called {name:?}; there are: {}", names())))?)
+            Some(found.ok_or_else(|| {
+                Fault::new(
+                    "/scenes",
+                    format!("no scene is called {name:?}; there are: {}", names()),
+                )
+            })?)
         }
     };
     match chosen {

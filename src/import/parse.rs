@@ -5,10 +5,14 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visi
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// Parses the bytes of a document. A property that appears twice is an error, as the specification says.
+/// Parses the bytes of a document. A property that appears twice is an error, as the specification
+/// says.
 pub(super) fn parse(bytes: &[u8]) -> Parsed<Value> {
     if bytes.starts_with(b"\xEF\xBB\xBF") {
-        return Err(Fault::new("", "the JSON begins with a byte order mark, which glTF forbids: save it as plain UTF-8"));
+        return Err(Fault::new(
+            "",
+            "the JSON begins with a byte order mark, which glTF forbids: save it as plain UTF-8",
+        ));
     }
     let mut path = Vec::new();
     let mut deserializer = serde_json::Deserializer::from_slice(bytes);
@@ -86,7 +90,10 @@ impl<'de> Visitor<'de> for Tree<'_> {
             let value = entries.next_value_seed(self.below(key.clone()))?;
             self.path.pop();
             if object.contains_key(&key) {
-                return Err(A::Error::custom(format!("the property {} appears twice", quote(&key))));
+                return Err(A::Error::custom(format!(
+                    "the property {} appears twice",
+                    quote(&key)
+                )));
             }
             object.insert(key, value);
         }

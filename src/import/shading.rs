@@ -1,9 +1,11 @@
-//! Shading normals and tangents: repaired where the file's cannot be used, made where they are needed and absent.
+//! Shading normals and tangents: repaired where the file's cannot be used, made where they are
+//! needed and absent.
 
 use crate::geometry::TriangleMesh;
 use crate::math::{Frame, Vec2, Vec3, Vec4};
 
-/// Makes normals and tangents unit; a normal that has no direction gets that of the triangles around it. Returns how many had none.
+/// Makes normals and tangents unit; a normal that has no direction gets that of the triangles
+/// around it. Returns how many had none.
 pub(super) fn normalize(mesh: &mut TriangleMesh) -> usize {
     let TriangleMesh { normals, tangents, positions, indices, .. } = mesh;
     let Some(normals) = normals else { return 0 };
@@ -42,18 +44,25 @@ fn unit(v: Vec3) -> Option<Vec3> {
     v.as_dvec3().try_normalize().map(|v| v.as_vec3())
 }
 
-/// Tangents along the rising first coordinate of a texture, as a normal map needs them: `coordinates` maps the mesh's set `uv_set` to the place in the image.
+/// Tangents along the rising first coordinate of a texture, as a normal map needs them:
+/// `coordinates` maps the mesh's set `uv_set` to the place in the image.
 ///
-/// Each corner's tangent is weighted by the angle there and summed over the triangles around a vertex. A vertex between triangles whose
-/// textures run left-handed and right-handed is split into two; a mesh without normals is split into separate triangles.
-pub(super) fn generate_tangents(mesh: &mut TriangleMesh, uv_set: usize, coordinates: impl Fn(Vec2) -> Vec2) {
+/// Each corner's tangent is weighted by the angle there and summed over the triangles around a
+/// vertex. A vertex between triangles whose textures run left-handed and right-handed is split into
+/// two; a mesh without normals is split into separate triangles.
+pub(super) fn generate_tangents(
+    mesh: &mut TriangleMesh,
+    uv_set: usize,
+    coordinates: impl Fn(Vec2) -> Vec2,
+) {
     if mesh.uv[uv_set].is_none() {
         return;
     }
     if mesh.normals.is_none() {
         let corners: Vec<u32> = mesh.indices.as_flattened().to_vec();
         select(mesh, &corners);
-        mesh.indices = (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        mesh.indices =
+            (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     }
     let Some(uv) = &mesh.uv[uv_set] else { return };
     let uv: Vec<Vec2> = uv.iter().map(|t| coordinates(*t)).collect();
@@ -111,7 +120,10 @@ pub(super) fn generate_tangents(mesh: &mut TriangleMesh, uv_set: usize, coordina
         *triangle = triangle.map(|i| place[i as usize + twin]);
     }
     let fallback = |i: usize| mesh.normals.as_ref().map_or(Vec3::X, |n| Frame::from_normal(n[i]).s);
-    let tangents = tangents.iter().enumerate().map(|(i, t)| unit(*t).unwrap_or_else(|| fallback(i)).extend(sign[i]));
+    let tangents = tangents
+        .iter()
+        .enumerate()
+        .map(|(i, t)| unit(*t).unwrap_or_else(|| fallback(i)).extend(sign[i]));
     mesh.tangents = Some(tangents.collect::<Vec<Vec4>>());
 }
 
@@ -131,7 +143,8 @@ fn select(mesh: &mut TriangleMesh, source: &[u32]) {
 mod tests {
     use super::*;
 
-    /// Two triangles in the xy plane that share the edge x = 0; the left one's texture is mirrored if asked for.
+    /// Two triangles in the xy plane that share the edge x = 0; the left one's texture is mirrored
+    /// if asked for.
     fn quad(mirrored: bool) -> TriangleMesh {
         let left = if mirrored { 1.0 } else { -1.0 };
         TriangleMesh {
@@ -159,9 +172,17 @@ mod tests {
         generate_tangents(&mut mesh, 0, |uv| uv);
         assert_eq!((mesh.positions.len(), mesh.normals.as_ref().unwrap().len()), (6, 6));
         let tangents = mesh.tangents.unwrap();
-        for (triangle, wanted) in mesh.indices.iter().zip([Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(-1.0, 0.0, 0.0, -1.0)]) {
+        for (triangle, wanted) in mesh
+            .indices
+            .iter()
+            .zip([Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(-1.0, 0.0, 0.0, -1.0)])
+        {
             for corner in triangle {
-                assert!((tangents[*corner as usize] - wanted).length() < 1e-6, "{}", tangents[*corner as usize]);
+                assert!(
+                    (tangents[*corner as usize] - wanted).length() < 1e-6,
+                    "{}",
+                    tangents[*corner as usize]
+                );
             }
         }
         let corners = mesh.indices.map_positions(&mesh.positions);

@@ -26,7 +26,11 @@ pub(super) fn skins(root: &Json, accessors: &Accessors, nodes: usize) -> Parsed<
 
 fn skin(json: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Skin> {
     json.index("skeleton", "nodes", nodes)?;
-    let joints = json.array("joints")?.iter().map(|j| j.as_index("nodes", nodes)).collect::<Parsed<Vec<_>>>()?;
+    let joints = json
+        .array("joints")?
+        .iter()
+        .map(|j| j.as_index("nodes", nodes))
+        .collect::<Parsed<Vec<_>>>()?;
     if joints.is_empty() {
         return Err(json.fault("it has no joints"));
     }
@@ -34,7 +38,12 @@ fn skin(json: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Skin> {
     if let Some(index) = inverse_bind {
         let matrices = accessors.expect(index, &MATRICES, &json.path_of("inverseBindMatrices"))?;
         if matrices.count < joints.len() as u64 {
-            let what = format!("{} joints need as many matrices, and {} has {}", joints.len(), matrices.path, matrices.count);
+            let what = format!(
+                "{} joints need as many matrices, and {} has {}",
+                joints.len(),
+                matrices.path,
+                matrices.count
+            );
             return Err(json.fault_at("inverseBindMatrices", what));
         }
     }
@@ -43,28 +52,40 @@ fn skin(json: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Skin> {
 
 impl Skin {
     /// What each joint does to a vertex: from the mesh's space to the world, in the rest pose.
-    pub fn matrices(&self, graph: &Graph, accessors: &Accessors, budget: &mut Budget) -> Parsed<Vec<DAffine3>> {
+    pub fn matrices(
+        &self,
+        graph: &Graph,
+        accessors: &Accessors,
+        budget: &mut Budget,
+    ) -> Parsed<Vec<DAffine3>> {
         let bind = match self.inverse_bind {
             Some(index) => Some(accessors.read::<16>(&accessors.list[index], None, 0.0, budget)?),
             None => None,
         };
         let matrix = |(k, joint): (usize, &usize)| {
-            let bind =
-                bind.as_ref().map_or(DAffine3::IDENTITY, |b| DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from))));
+            let bind = bind.as_ref().map_or(DAffine3::IDENTITY, |b| {
+                DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from)))
+            });
             graph.nodes[*joint].to_world * bind
         };
         Ok(self.joints.iter().enumerate().map(matrix).collect())
     }
 }
 
-/// Moves the vertices of `mesh` to the world by the joints' `matrices`; `path` names the primitive in messages.
+/// Moves the vertices of `mesh` to the world by the joints' `matrices`; `path` names the primitive
+/// in messages.
 ///
 /// ```text
 /// p' = Σ_j w_j (joint to world)_j (inverse bind)_j p / Σ_j w_j        [glTF20, 3.7.3.3]
 /// ```
 ///
 /// Normals take the inverse transpose of the blended matrix.
-pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: &[DAffine3], path: &str) -> Parsed<()> {
+pub(super) fn apply(
+    mesh: &mut TriangleMesh,
+    influences: &Influences,
+    matrices: &[DAffine3],
+    path: &str,
+) -> Parsed<()> {
     let count = mesh.positions.len();
     for i in 0..count {
         let mut sum = 0.0;
@@ -76,7 +97,13 @@ pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: 
                     continue;
                 }
                 let matrix = matrices.get(*joint as usize).ok_or_else(|| {
-                    Fault::new(path, format!("a vertex follows joint {joint}, and the skin has {}", matrices.len()))
+                    Fault::new(
+                        path,
+                        format!(
+                            "a vertex follows joint {joint}, and the skin has {}",
+                            matrices.len()
+                        ),
+                    )
                 })?;
                 sum += f64::from(weight);
                 for (column, added) in blend.iter_mut().zip(columns(matrix)) {
@@ -84,7 +111,8 @@ pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: 
                 }
             }
         }
-        // A vertex that follows nothing stays with the first joint; weights that do not sum to 1 would scale.
+        // A vertex that follows nothing stays with the first joint; weights that do not sum to 1
+        // would scale.
         let blend = match matrices {
             [first, ..] if sum <= 1e-6 => columns(first),
             _ => blend.map(|column| column / sum),
@@ -97,7 +125,9 @@ pub(super) fn apply(mesh: &mut TriangleMesh, influences: &Influences, matrices: 
         if let Some(normals) = &mut mesh.normals {
             // The cofactor matrix is the inverse transpose but for a factor.
             let n = normals[i].as_dvec3();
-            let moved = blend[1].cross(blend[2]) * n.x + blend[2].cross(blend[0]) * n.y + blend[0].cross(blend[1]) * n.z;
+            let moved = blend[1].cross(blend[2]) * n.x
+                + blend[2].cross(blend[0]) * n.y
+                + blend[0].cross(blend[1]) * n.z;
             normals[i] = moved.normalize_or_zero().as_vec3();
         }
         if let Some(tangents) = &mut mesh.tangents {

@@ -32,9 +32,11 @@ enum Use {
 pub(super) struct Textures {
     images: Vec<Decoded>,
     samplers: Vec<Sampler>,
-    /// Image and sampler of each texture; a reference to nowhere is an error only where a material uses the texture.
+    /// Image and sampler of each texture; a reference to nowhere is an error only where a material
+    /// uses the texture.
     textures: Vec<(Parsed<Option<usize>>, Option<usize>)>,
-    /// The textures in use, in the order of their first use, which is that of the scene's textures.
+    /// The textures in use, in the order of their first use, which is that of the scene's
+    /// textures.
     slots: Vec<(usize, Use)>,
     slot_of: HashMap<(usize, Use), u32>,
     pixels: Budget,
@@ -42,10 +44,16 @@ pub(super) struct Textures {
 
 impl Textures {
     /// Reads and decodes all images, and the samplers and textures that refer to them.
-    pub fn parse(root: &Json, accessors: &Accessors, folder: &Path, warnings: &mut Vec<String>) -> Parsed<Self> {
+    pub fn parse(
+        root: &Json,
+        accessors: &Accessors,
+        folder: &Path,
+        warnings: &mut Vec<String>,
+    ) -> Parsed<Self> {
         let mut pixels = Budget::of_pixels();
         let images = images::images(root, accessors, folder, &mut pixels, warnings)?;
-        let samplers = root.entities("samplers")?.iter().map(sampler).collect::<Parsed<Vec<_>>>()?;
+        let samplers =
+            root.entities("samplers")?.iter().map(sampler).collect::<Parsed<Vec<_>>>()?;
         let mut textures = Vec::new();
         for json in root.entities("textures")? {
             let image = image_of(&json, images.len());
@@ -82,7 +90,8 @@ impl Textures {
         self.reference_as(material, key, color_space, Use::Plain, warnings)
     }
 
-    /// As [`Textures::reference`], for a texture with glossiness in its alpha channel: the roughness `1 - factor * glossiness` in green.
+    /// As [`Textures::reference`], for a texture with glossiness in its alpha channel: the
+    /// roughness `1 - factor * glossiness` in green.
     pub fn roughness_from_glossiness(
         &mut self,
         material: &Json,
@@ -90,7 +99,13 @@ impl Textures {
         factor: f32,
         warnings: &mut Vec<String>,
     ) -> Parsed<Option<TextureRef>> {
-        self.reference_as(material, key, ColorSpace::Linear, Use::Roughness(factor.to_bits()), warnings)
+        self.reference_as(
+            material,
+            key,
+            ColorSpace::Linear,
+            Use::Roughness(factor.to_bits()),
+            warnings,
+        )
     }
 
     fn reference_as(
@@ -106,14 +121,21 @@ impl Textures {
         let mut uv_set = info.unsigned("texCoord")?.unwrap_or(0);
         let (mut offset, mut rotation, mut scale) = (Vec2::ZERO, 0.0, Vec2::ONE);
         if let Some(transform) = info.extension("KHR_texture_transform")? {
-            offset = transform.numbers::<2>("offset")?.map_or(offset, |v| Vec2::new(v[0] as f32, v[1] as f32));
+            offset = transform
+                .numbers::<2>("offset")?
+                .map_or(offset, |v| Vec2::new(v[0] as f32, v[1] as f32));
             rotation = transform.number("rotation")?.unwrap_or(0.0) as f32;
-            scale = transform.numbers::<2>("scale")?.map_or(scale, |v| Vec2::new(v[0] as f32, v[1] as f32));
+            scale = transform
+                .numbers::<2>("scale")?
+                .map_or(scale, |v| Vec2::new(v[0] as f32, v[1] as f32));
             uv_set = transform.unsigned("texCoord")?.unwrap_or(uv_set);
         }
-        let mut left_out = |why: String| warnings.push(format!("{} is left out: {why}", info.path()));
+        let mut left_out =
+            |why: String| warnings.push(format!("{} is left out: {why}", info.path()));
         if uv_set > 1 {
-            left_out(format!("it uses the texture coordinates TEXCOORD_{uv_set}, and only TEXCOORD_0 and TEXCOORD_1 are read"));
+            left_out(format!(
+                "it uses the texture coordinates TEXCOORD_{uv_set}, and only TEXCOORD_0 and TEXCOORD_1 are read"
+            ));
             return Ok(None);
         }
         let Some(image) = self.textures[texture].0.clone()? else {
@@ -139,7 +161,12 @@ impl Textures {
                 Use::Plain => image.clone(),
                 Use::Roughness(factor) => Arc::new(roughness(image, f32::from_bits(factor))),
             };
-            Some(Texture { image, wrap_s: sampler.wrap_s, wrap_t: sampler.wrap_t, nearest: sampler.nearest })
+            Some(Texture {
+                image,
+                wrap_s: sampler.wrap_s,
+                wrap_t: sampler.wrap_t,
+                nearest: sampler.nearest,
+            })
         };
         self.slots.iter().filter_map(|slot| texture(*slot)).collect()
     }
@@ -163,8 +190,11 @@ fn roughness(image: &TextureImage, factor: f32) -> TextureImage {
             TexturePixels::Rgba8(pixels.iter().map(|p| [255, green(p[3]), 255, 255]).collect())
         }
         TexturePixels::Rgba16(pixels) => {
-            let green = |a: u16| (65535.0 - factor * f32::from(a)).round().clamp(0.0, 65535.0) as u16;
-            TexturePixels::Rgba16(pixels.iter().map(|p| [65535, green(p[3]), 65535, 65535]).collect())
+            let green =
+                |a: u16| (65535.0 - factor * f32::from(a)).round().clamp(0.0, 65535.0) as u16;
+            TexturePixels::Rgba16(
+                pixels.iter().map(|p| [65535, green(p[3]), 65535, 65535]).collect(),
+            )
         }
     };
     TextureImage { width: image.width, height: image.height, pixels }
@@ -180,11 +210,15 @@ fn sampler(json: &Json) -> Parsed<Sampler> {
     let nearest = match json.unsigned("magFilter")? {
         None | Some(9729) => false,
         Some(9728) => true,
-        Some(other) => return Err(json.fault_at("magFilter", format!("{other} is no magnification filter"))),
+        Some(other) => {
+            return Err(json.fault_at("magFilter", format!("{other} is no magnification filter")));
+        }
     };
     match json.unsigned("minFilter")? {
         None | Some(9728 | 9729 | 9984..=9987) => {}
-        Some(other) => return Err(json.fault_at("minFilter", format!("{other} is no minification filter"))),
+        Some(other) => {
+            return Err(json.fault_at("minFilter", format!("{other} is no minification filter")));
+        }
     }
     Ok(Sampler { wrap_s: wrap("wrapS")?, wrap_t: wrap("wrapT")?, nearest })
 }

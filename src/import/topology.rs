@@ -13,16 +13,25 @@ pub(super) enum Mode {
 /// The triangles of `count` vertices in the order in which `vertex` tells them.
 ///
 /// Vertices that do not complete a triangle are left over [glTF20, 3.7.2.1].
-pub(super) fn triangulate(mode: Mode, count: usize, vertex: impl Fn(usize) -> u32) -> Vec<[u32; 3]> {
+pub(super) fn triangulate(
+    mode: Mode,
+    count: usize,
+    vertex: impl Fn(usize) -> u32,
+) -> Vec<[u32; 3]> {
     match mode {
-        Mode::Triangles => (0..count / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2].map(&vertex)).collect(),
+        Mode::Triangles => {
+            (0..count / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2].map(&vertex)).collect()
+        }
         // Every second triangle of a strip runs the other way.
-        Mode::Strip => (0..count.saturating_sub(2)).map(|i| [i, i + 1 + i % 2, i + 2 - i % 2].map(&vertex)).collect(),
+        Mode::Strip => (0..count.saturating_sub(2))
+            .map(|i| [i, i + 1 + i % 2, i + 2 - i % 2].map(&vertex))
+            .collect(),
         Mode::Fan => (0..count.saturating_sub(2)).map(|i| [i + 1, i + 2, 0].map(&vertex)).collect(),
     }
 }
 
-/// Removes the triangles without area: those whose normal single precision cannot tell. Returns how many they were.
+/// Removes the triangles without area: those whose normal single precision cannot tell. Returns how
+/// many they were.
 pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, positions: &[Vec3]) -> usize {
     let before = triangles.len();
     triangles.retain(|t| {
@@ -30,7 +39,8 @@ pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, positions: &[Vec3])
         let (ab, ac) = (b - a, c - a);
         let (abd, acd) = (ab.as_dvec3(), ac.as_dvec3());
         let area = abd.cross(acd).length();
-        let longest = abd.length_squared().max(acd.length_squared()).max((acd - abd).length_squared());
+        let longest =
+            abd.length_squared().max(acd.length_squared()).max((acd - abd).length_squared());
         area > 1e-12 * longest && ab.cross(ac).try_normalize().is_some()
     });
     before - triangles.len()
@@ -44,7 +54,8 @@ pub(super) fn used_vertices(triangles: &[[u32; 3]], count: usize) -> Option<Vec<
     (used.len() < count).then_some(used)
 }
 
-/// Renumbers the corners of triangles from vertices to places in `used`, which has every one of them.
+/// Renumbers the corners of triangles from vertices to places in `used`, which has every one of
+/// them.
 pub(super) fn renumber(triangles: &mut [[u32; 3]], used: &[u32]) {
     for corner in triangles.as_flattened_mut() {
         if let Ok(place) = used.binary_search(corner) {

@@ -23,7 +23,9 @@ pub(super) enum Target {
 /// Resolves `uri`, which stands at the JSON path `at`, against the folder of the scene file.
 pub(super) fn resolve(uri: &str, at: &str, folder: &Path) -> Parsed<Target> {
     if uri.get(..5).is_some_and(|prefix| prefix.eq_ignore_ascii_case("data:")) {
-        return data(&uri[5..]).map_err(|what| Fault::new(at, format!("the data URI {} is broken: {what}", quote(uri))));
+        return data(&uri[5..]).map_err(|what| {
+            Fault::new(at, format!("the data URI {} is broken: {what}", quote(uri)))
+        });
     }
     if uri.is_empty() {
         return Err(Fault::new(at, "the URI is empty"));
@@ -36,21 +38,28 @@ pub(super) fn resolve(uri: &str, at: &str, folder: &Path) -> Parsed<Target> {
         let valid = scheme.starts_with(|c: char| c.is_ascii_alphabetic())
             && scheme.bytes().all(|c| c.is_ascii_alphanumeric() || b"+-.".contains(&c));
         if !valid {
-            return Err(Fault::new(at, format!("the URI {} is invalid: {} is no scheme", quote(uri), quote(scheme))));
+            return Err(Fault::new(
+                at,
+                format!("the URI {} is invalid: {} is no scheme", quote(uri), quote(scheme)),
+            ));
         }
         return Ok(Target::Absolute);
     }
     Ok(Target::File(file(uri, at, folder)?))
 }
 
-/// The file that a relative reference names: percent-decoded as the specification says, or as it stands where an exporter forgot to encode.
+/// The file that a relative reference names: percent-decoded as the specification says, or as it
+/// stands where an exporter forgot to encode.
 fn file(uri: &str, at: &str, folder: &Path) -> Parsed<PathBuf> {
-    let decoded = percent_decode(uri.as_bytes())
-        .and_then(|bytes| String::from_utf8(bytes).map_err(|_| "its percent-encoding is not UTF-8".to_owned()));
+    let decoded = percent_decode(uri.as_bytes()).and_then(|bytes| {
+        String::from_utf8(bytes).map_err(|_| "its percent-encoding is not UTF-8".to_owned())
+    });
     let decoded = match decoded {
         Ok(decoded) => decoded,
         Err(_) if folder.join(uri).is_file() => uri.to_owned(),
-        Err(what) => return Err(Fault::new(at, format!("the URI {} is invalid: {what}", quote(uri)))),
+        Err(what) => {
+            return Err(Fault::new(at, format!("the URI {} is invalid: {what}", quote(uri))));
+        }
     };
     if decoded.contains('\0') || Path::new(&decoded).is_absolute() {
         return Err(Fault::new(at, format!("the URI {} is not a relative path", quote(uri))));
@@ -89,7 +98,11 @@ fn data(rest: &str) -> std::result::Result<Target, String> {
             _ => return Err(format!("{} is no parameter", quote(part))),
         }
     }
-    let body = if body.contains('%') || !base64 { percent_decode(body.as_bytes())? } else { body.as_bytes().to_vec() };
+    let body = if body.contains('%') || !base64 {
+        percent_decode(body.as_bytes())?
+    } else {
+        body.as_bytes().to_vec()
+    };
     Ok(Target::Data { media_type, bytes: if base64 { base64_decode(&body)? } else { body } })
 }
 
@@ -113,7 +126,8 @@ fn percent_decode(text: &[u8]) -> std::result::Result<Vec<u8>, String> {
     Ok(out)
 }
 
-/// Decodes base64 (RFC 4648, standard or URL-safe alphabet); padding may be missing, but not be followed by data.
+/// Decodes base64 (RFC 4648, standard or URL-safe alphabet); padding may be missing, but not be
+/// followed by data.
 fn base64_decode(text: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let trimmed = text.iter().rposition(|c| *c != b'=').map_or(0, |last| last + 1);
     if text.len() - trimmed > 2 || trimmed % 4 == 1 {
@@ -158,9 +172,14 @@ mod tests {
         assert_eq!(bytes("data:application/octet-stream;base64,AAECAw"), Some(vec![0, 1, 2, 3]));
         assert_eq!(bytes("data:;charset=x;base64,AP%2F%2F"), Some(vec![0, 255, 255]));
         assert_eq!(bytes("DATA:application/gltf-buffer,a%20b"), Some(b"a b".to_vec()));
-        for broken in
-            ["data:", "data:a/b;;base64,AA==", "data:a/b;base64,`", "data:a/b;base64,A", "data:a/b;base64,A===", "data:a/b,%4"]
-        {
+        for broken in [
+            "data:",
+            "data:a/b;;base64,AA==",
+            "data:a/b;base64,`",
+            "data:a/b;base64,A",
+            "data:a/b;base64,A===",
+            "data:a/b,%4",
+        ] {
             assert!(resolve(broken, "/x", Path::new(".")).is_err(), "{broken}");
         }
     }
@@ -172,9 +191,18 @@ mod tests {
         let file = Target::File(dir.path().join("a b%.bin"));
         for uri in ["a%20b%25.bin", "a b%.bin", "./a%20b%25.bin"] {
             let found = resolve(uri, "/x", dir.path()).unwrap();
-            assert!(found == file || matches!(&found, Target::File(p) if p.is_file()), "{uri}: {found:?}");
+            assert!(
+                found == file || matches!(&found, Target::File(p) if p.is_file()),
+                "{uri}: {found:?}"
+            );
         }
-        for uri in ["http://example.com/a", "file:///etc/passwd", "/etc/passwd", "C:\\a.bin", "\\\\host\\a"] {
+        for uri in [
+            "http://example.com/a",
+            "file:///etc/passwd",
+            "/etc/passwd",
+            "C:\\a.bin",
+            "\\\\host\\a",
+        ] {
             assert_eq!(resolve(uri, "/x", dir.path()).unwrap(), Target::Absolute, "{uri}");
         }
         for uri in ["", ":", "1x:y", "%2Fetc%2Fpasswd", "a%00b"] {

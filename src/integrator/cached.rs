@@ -1,4 +1,5 @@
-//! Shading of camera samples: direct light sampled, indirect light of diffuse surfaces from the cache, everything else by paths that end in it.
+//! Shading of camera samples: direct light sampled, indirect light of diffuse surfaces from the
+//! cache, everything else by paths that end in it.
 
 use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
@@ -42,7 +43,8 @@ fn timed<T>(spent: Option<&mut u64>, f: impl FnOnce() -> T) -> T {
     out
 }
 
-/// CPU nanoseconds of this thread so far: by the clock on the wall, one sample that another program interrupts would speak for many that it does not.
+/// CPU nanoseconds of this thread so far: by the clock on the wall, one sample that another program
+/// interrupts would speak for many that it does not.
 fn thread_ns() -> u64 {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(0, |t| t.num_nanoseconds() as u64)
 }
@@ -51,22 +53,31 @@ fn thread_ns() -> u64 {
 struct Pending {
     sample: usize,
     light: Reflected,
-    /// The camera's own surface reflects it; else a mirror showed that surface, and everything counts as glossy.
+    /// The camera's own surface reflects it; else a mirror showed that surface, and everything
+    /// counts as glossy.
     first: bool,
 }
 
 impl<'a> CachedIntegrator<'a> {
     /// Shading by `cache`, whose levels are filled, and by `gloss`.
     pub fn new(tracer: PathTracer<'a>, cache: &'a Cache, gloss: Option<Gloss<'a>>) -> Self {
-        Self { tracer, cache, gloss, interpolate_ns: AtomicU64::new(0), direct_ns: AtomicU64::new(0) }
+        Self {
+            tracer,
+            cache,
+            gloss,
+            interpolate_ns: AtomicU64::new(0),
+            direct_ns: AtomicU64::new(0),
+        }
     }
 
-    /// CPU seconds spent on cache lookups and on direct light so far, estimated from every 32nd sample.
+    /// CPU seconds spent on cache lookups and on direct light so far, estimated from every 32nd
+    /// sample.
     pub fn seconds(&self) -> [f64; 2] {
         [&self.interpolate_ns, &self.direct_ns].map(|ns| ns.load(Ordering::Relaxed) as f64 * 1e-9)
     }
 
-    /// Shades `samples`; the results are in their order and do not depend on how samples are grouped into calls.
+    /// Shades `samples`; the results are in their order and do not depend on how samples are
+    /// grouped into calls.
     pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>) {
         let scene = self.tracer.scene;
         let rays: Vec<Ray> = samples.iter().map(CameraSample::ray).collect();
@@ -81,10 +92,17 @@ impl<'a> CachedIntegrator<'a> {
         for ((sample, ray), hit) in samples.iter().zip(&rays).zip(&hits) {
             let number = out.len();
             let clock = number.is_multiple_of(TIMED).then_some(&mut spent);
-            out.push(self.shade_one(sample, ray, *hit, clock, &mut lobe, |shadow, light, first| {
-                shadows.push(shadow);
-                pending.push(Pending { sample: number, light, first });
-            }));
+            out.push(self.shade_one(
+                sample,
+                ray,
+                *hit,
+                clock,
+                &mut lobe,
+                |shadow, light, first| {
+                    shadows.push(shadow);
+                    pending.push(Pending { sample: number, light, first });
+                },
+            ));
         }
         self.interpolate_ns.fetch_add(spent.interpolate * TIMED as u64, Ordering::Relaxed);
         let mut shadow_ns = 0;
@@ -120,7 +138,8 @@ impl<'a> CachedIntegrator<'a> {
         let seed = sample.alpha_seed();
         let mut found = scene.resolve(ray, hit, seed);
         let (mut ray, mut beta, mut travelled) = (*ray, Color::ONE, 0.0);
-        // Follow the path through ideal mirrors and panes: what they show deserves the same care as what is seen directly.
+        // Follow the path through ideal mirrors and panes: what they show deserves the same care as
+        // what is seen directly.
         for bounces in 0..LONGEST_CHAIN {
             let emitted = match &found {
                 Some((point, _)) => scene.emission(point),
@@ -146,11 +165,16 @@ impl<'a> CachedIntegrator<'a> {
                 let reflected = self.reflected(&vertex, bounces, sample.limit, lobe, &mut out);
                 let served = reflected.is_some();
                 let mut diffuse = || {
-                    let (indirect, direct) = self.cached(&vertex, bounces, sample.limit, &mut out)?;
+                    let (indirect, direct) =
+                        self.cached(&vertex, bounces, sample.limit, &mut out)?;
                     lit = direct;
                     Some(indirect)
                 };
-                (reflected.or_else(|| Some(Reflected { diffuse: diffuse()?, glossy: Color::ZERO })), served)
+                (
+                    reflected
+                        .or_else(|| Some(Reflected { diffuse: diffuse()?, glossy: Color::ZERO })),
+                    served,
+                )
             });
             let sampled = match (cached, lit) {
                 (Some(_), Some(_)) => Sampled::GlossyAlone,
@@ -166,7 +190,10 @@ impl<'a> CachedIntegrator<'a> {
                 out.radiance.glossy_indirect += beta * (indirect.sum() + lit.unwrap_or_default());
             }
             let light = timed(clock.as_mut().map(|c| &mut c.direct), || {
-                [self.tracer.light(&vertex, &mut sampler, sampled), self.tracer.sky(&vertex, &mut sampler, sampled)]
+                [
+                    self.tracer.light(&vertex, &mut sampler, sampled),
+                    self.tracer.sky(&vertex, &mut sampler, sampled),
+                ]
             });
             for (ray, light) in light.into_iter().flatten() {
                 shadow(ray, light.scaled(beta), bounces == 0);
@@ -175,14 +202,22 @@ impl<'a> CachedIntegrator<'a> {
                 self.gather(&vertex, &mut sampler, seed, &mut out);
                 return out;
             }
-            let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled) else { return out };
+            let Some((scattered, next)) = self.tracer.scatter(&vertex, &mut sampler, sampled)
+            else {
+                return out;
+            };
             if scattered.lobe != Lobe::Delta {
-                // Where records serve the gloss too, the direction only looks for emitters, which light samples alone would find with more noise.
+                // Where records serve the gloss too, the direction only looks for emitters, which
+                // light samples alone would find with more noise.
                 if served && !scene.lights().may_shine_along(next.origin, next.dir) {
                     return out;
                 }
                 let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
-                let tracer = if served { PathTracer { max_bounces: bounces, ..self.tracer } } else { self.tracer };
+                let tracer = if served {
+                    PathTracer { max_bounces: bounces, ..self.tracer }
+                } else {
+                    self.tracer
+                };
                 let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.known()));
                 if bounces == 0 {
                     let weights = match sampled {
@@ -192,15 +227,23 @@ impl<'a> CachedIntegrator<'a> {
                     };
                     out.radiance.add(weights, light);
                 } else {
-                    out.radiance.glossy_indirect += beta * scattered.weight * (light.direct + light.indirect);
+                    out.radiance.glossy_indirect +=
+                        beta * scattered.weight * (light.direct + light.indirect);
                 }
                 return out;
             }
             if bounces >= self.tracer.max_bounces {
                 // The mirror still shows emitters.
                 let hit = scene.intersect(&next, seed);
-                let emitted = hit.map_or_else(|| scene.lights().environment(next.dir), |(p, _)| scene.emission(&p));
-                let part = if bounces == 0 { &mut out.radiance.glossy_direct } else { &mut out.radiance.glossy_indirect };
+                let emitted = hit.map_or_else(
+                    || scene.lights().environment(next.dir),
+                    |(p, _)| scene.emission(&p),
+                );
+                let part = if bounces == 0 {
+                    &mut out.radiance.glossy_direct
+                } else {
+                    &mut out.radiance.glossy_indirect
+                };
                 *part += beta * scattered.weight * emitted;
                 return out;
             }
@@ -211,7 +254,8 @@ impl<'a> CachedIntegrator<'a> {
         out
     }
 
-    /// Light of a diffuse surface that no record covers, from a few paths: among pixels that records serve, the noise of one path would be a speck.
+    /// Light of a diffuse surface that no record covers, from a few paths: among pixels that
+    /// records serve, the noise of one path would be a speck.
     fn gather(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, out: &mut Shaded) {
         for _ in 0..PATHS {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
@@ -230,11 +274,17 @@ impl<'a> CachedIntegrator<'a> {
 
     /// The level that a surface behind `bounces` mirrors is looked up on.
     fn level(&self, bounces: u32) -> u8 {
-        // With a bound on the path length a surface behind mirrors is owed fewer bounces than one seen directly.
-        if self.tracer.max_bounces == u32::MAX { 0 } else { u8::try_from(bounces).unwrap_or(u8::MAX) }
+        // With a bound on the path length a surface behind mirrors is owed fewer bounces than one
+        // seen directly.
+        if self.tracer.max_bounces == u32::MAX {
+            0
+        } else {
+            u8::try_from(bounces).unwrap_or(u8::MAX)
+        }
     }
 
-    /// Radiance of indirect light that leaves a surface whose glossy lobes radiance records serve, by all its lobes.
+    /// Radiance of indirect light that leaves a surface whose glossy lobes radiance records serve,
+    /// by all its lobes.
     fn reflected(
         &self,
         v: &Vertex,
@@ -272,12 +322,20 @@ impl<'a> CachedIntegrator<'a> {
                 out.status = Status::Cached;
             }
         }
-        let diffuse = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * answer.irradiance * INV_PI;
+        let diffuse =
+            v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * answer.irradiance * INV_PI;
         Some(Reflected { diffuse, glossy: answer.glossy })
     }
 
-    /// Radiance of indirect light that leaves by the diffuse lobe, from the cache, and that of direct light, if records hold it.
-    fn cached(&self, v: &Vertex, bounces: u32, limit: u32, out: &mut Shaded) -> Option<(Color, Option<Color>)> {
+    /// Radiance of indirect light that leaves by the diffuse lobe, from the cache, and that of
+    /// direct light, if records hold it.
+    fn cached(
+        &self,
+        v: &Vertex,
+        bounces: u32,
+        limit: u32,
+        out: &mut Shaded,
+    ) -> Option<(Color, Option<Color>)> {
         if !v.bsdf.has_diffuse() {
             return None;
         }
@@ -295,7 +353,8 @@ impl<'a> CachedIntegrator<'a> {
                     out.records = a.records;
                     out.irradiance = a.irradiance;
                 }
-                let reflectance = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * INV_PI;
+                let reflectance =
+                    v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo)) * INV_PI;
                 Some((reflectance * a.irradiance, a.direct.map(|e| reflectance * e)))
             }
             None => {

@@ -1,4 +1,5 @@
-//! Places on the lights of our own scene that direct light is gathered from, the same ones for a point and its surroundings.
+//! Places on the lights of our own scene that direct light is gathered from, the same ones for a
+//! point and its surroundings.
 
 use crate::accel::Ray;
 use crate::gather::{Arrival, Bundle, DirectLight, HitKind, LightChoice};
@@ -11,12 +12,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// A joining ray ends this share of its length before the light.
 const SHORTENING: f32 = 1e-4;
 
-/// Beside the point that places were chosen for, light is asked for this share of the way there above the surface: what is flat there may be bent a little.
+/// Beside the point that places were chosen for, light is asked for this share of the way there
+/// above the surface: what is flat there may be bent a little.
 const LIFT: f32 = 0.01;
 
 /// A place on a light.
 enum Place {
-    /// On an emissive triangle: where, its unit normal, radiance over density, and the area that the place stands for, over π.
+    /// On an emissive triangle: where, its unit normal, radiance over density, and the area that
+    /// the place stands for, over π.
     Surface { position: Vec3, normal: Vec3, strength: Color, area: f32 },
     /// In the environment: direction, and radiance over density.
     Distant { direction: Vec3, strength: Color },
@@ -34,8 +37,15 @@ pub(super) struct LightPoints<'a> {
 }
 
 impl<'a> LightPoints<'a> {
-    /// Places for the surroundings of `from`, by light samples there. The environment is found by rays of the gather, too; both kinds are weighed by the balance heuristic.
-    pub fn new(scene: &'a Scene, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice, rays: &'a AtomicU64) -> Self {
+    /// Places for the surroundings of `from`, by light samples there. The environment is found by
+    /// rays of the gather, too; both kinds are weighed by the balance heuristic.
+    pub fn new(
+        scene: &'a Scene,
+        from: &SurfacePoint,
+        bundle: &Bundle,
+        choice: LightChoice,
+        rays: &'a AtomicU64,
+    ) -> Self {
         let lights = scene.lights();
         let mut places: Vec<Place> = Vec::new();
         let samples = choice.samples as f32;
@@ -44,25 +54,35 @@ impl<'a> LightPoints<'a> {
             let density = samples * light_pdf + escaping * bundle.density.pdf(cosine);
             Place::Distant { direction, strength: lights.environment(direction) / density }
         };
-        lights.stratified(from.position, Some(from.ng), choice.samples, choice.seed as u32, &mut |sample: LightSample| {
-            let place = match sample.source {
-                LightSource::Environment => Some(sky(sample.wi, from.frame.n.dot(sample.wi), sample.pdf)),
-                LightSource::Punctual(index) => {
-                    let weight = 1.0 / (sample.pdf * samples);
-                    match places.last_mut() {
-                        Some(Place::Punctual { index: last, weight: sum }) if *last == index => {
-                            *sum += weight;
-                            None
-                        }
-                        _ => Some(Place::Punctual { index, weight }),
+        lights.stratified(
+            from.position,
+            Some(from.ng),
+            choice.samples,
+            choice.seed as u32,
+            &mut |sample: LightSample| {
+                let place = match sample.source {
+                    LightSource::Environment => {
+                        Some(sky(sample.wi, from.frame.n.dot(sample.wi), sample.pdf))
                     }
-                }
-                LightSource::Triangle { instance, triangle, u, v } => {
-                    on_triangle(scene, from, &sample, [instance, triangle], [u, v], samples)
-                }
-            };
-            places.extend(place);
-        });
+                    LightSource::Punctual(index) => {
+                        let weight = 1.0 / (sample.pdf * samples);
+                        match places.last_mut() {
+                            Some(Place::Punctual { index: last, weight: sum })
+                                if *last == index =>
+                            {
+                                *sum += weight;
+                                None
+                            }
+                            _ => Some(Place::Punctual { index, weight }),
+                        }
+                    }
+                    LightSource::Triangle { instance, triangle, u, v } => {
+                        on_triangle(scene, from, &sample, [instance, triangle], [u, v], samples)
+                    }
+                };
+                places.extend(place);
+            },
+        );
         if lights.has_environment() {
             for k in (0..bundle.len()).step_by(choice.every as usize) {
                 let local = bundle.dir_local[k];
@@ -117,7 +137,10 @@ impl DirectLight for LightPoints<'_> {
             let at = SurfacePoint { position: position + lift, ..self.from };
             for place in &self.places {
                 let (arrival, distance) = place.arrival(self.scene, at.position);
-                if arrival.light != Color::ZERO && arrival.dir.dot(at.ng) > 0.0 && arrival.light.is_finite() {
+                if arrival.light != Color::ZERO
+                    && arrival.dir.dot(at.ng) > 0.0
+                    && arrival.light.is_finite()
+                {
                     let mut ray = self.scene.spawn(&at, arrival.dir);
                     ray.tmax = distance * (1.0 - SHORTENING);
                     rays.push(ray);
@@ -150,9 +173,13 @@ impl Place {
                 let light = strength * (-normal.dot(dir)).max(0.0) / (squared + area);
                 (Arrival { dir, light }, distance)
             }
-            Self::Distant { direction, strength } => (Arrival { dir: direction, light: strength }, f32::INFINITY),
+            Self::Distant { direction, strength } => {
+                (Arrival { dir: direction, light: strength }, f32::INFINITY)
+            }
             Self::Punctual { index, weight } => match scene.lights().from_punctual(x, index) {
-                Some((dir, distance, irradiance)) => (Arrival { dir, light: irradiance * weight }, distance),
+                Some((dir, distance, irradiance)) => {
+                    (Arrival { dir, light: irradiance * weight }, distance)
+                }
                 None => (Arrival::default(), 0.0),
             },
         }

@@ -1,8 +1,12 @@
 //! How the light that a hit sends to the point of a gather changes when that point moves.
 //!
-//! The hit stays where it is, and so does all that reaches it; only the direction wo in which it is looked at turns. What was traced from it, a light sample, a cached irradiance and one path, is kept as it is, and the
-//! lobes are evaluated again towards points a little aside: `∂L/∂t = Σ (f(wo+) - f(wo-))/(2δ f(wo)) L_part` [Zhao, Eq. 3.41, for the samples at hand instead of a hemisphere at each hit]. Weights and densities of the
-//! samples count as constants, as they do in the sum itself, so that the expected value is the change of the glossy reflection. No ray is traced. What a delta lobe shows moves in another way and is left out.
+//! The hit stays where it is, and so does all that reaches it; only the direction wo in which it is
+//! looked at turns. What was traced from it, a light sample, a cached irradiance and one path, is
+//! kept as it is, and the lobes are evaluated again towards points a little aside: `∂L/∂t = Σ
+//! (f(wo+) - f(wo-))/(2δ f(wo)) L_part` [Zhao, Eq. 3.41, for the samples at hand instead of a
+//! hemisphere at each hit]. Weights and densities of the samples count as constants, as they do in
+//! the sum itself, so that the expected value is the change of the glossy reflection. No ray is
+//! traced. What a delta lobe shows moves in another way and is left out.
 
 use super::Gloss;
 use super::path::{Reflected, Sampled, Step, Vertex};
@@ -34,7 +38,8 @@ pub(super) struct Views<'a> {
 pub(super) type Change = [Color; 2];
 
 impl<'a> Views<'a> {
-    /// Those of the hit `vertex` at `distance` from the gather `from`; `None` where nothing changes.
+    /// Those of the hit `vertex` at `distance` from the gather `from`; `None` where nothing
+    /// changes.
     pub fn new(
         how: HitChange,
         tables: Option<&'a GlossyTables>,
@@ -54,15 +59,19 @@ impl<'a> Views<'a> {
             vertex,
             wo,
             beside: tangents.map(|t| [towards(step * t), towards(-step * t)]),
-            turn: tangents.map(|t| frame.to_local(t - vertex.point.wo * vertex.point.wo.dot(t)) / distance),
+            turn: tangents
+                .map(|t| frame.to_local(t - vertex.point.wo * vertex.point.wo.dot(t)) / distance),
             step,
             how,
             tables: tables.filter(|_| how == HitChange::Harmonics),
         })
     }
 
-    /// The change of what is reflected without a shadow ray: cached light, and the light `next` that the sampled direction of `step` brings, both as they arrive. Where records have told what glossy lobes reflect, those of `gloss` on
-    /// the level of the hit are asked again for other directions: their product with the lobe is known in all of them, and without noise [Zhao, Eq. 3.46-3.48].
+    /// The change of what is reflected without a shadow ray: cached light, and the light `next`
+    /// that the sampled direction of `step` brings, both as they arrive. Where records have told
+    /// what glossy lobes reflect, those of `gloss` on the level of the hit are asked again for
+    /// other directions: their product with the lobe is known in all of them, and without noise
+    /// [Zhao, Eq. 3.46-3.48].
     pub fn of_step(&self, step: &Step, next: Color, gloss: Option<(Gloss, u8)>) -> Change {
         let bsdf = &self.vertex.bsdf;
         let mut cached = self.relative(step.cached.diffuse, |wo| bsdf.diffuse_albedo(wo));
@@ -74,17 +83,24 @@ impl<'a> Views<'a> {
                 }
             }
         }
-        let Some((sample, _)) = step.next.as_ref().filter(|(s, _)| s.lobe != Lobe::Delta) else { return cached };
+        let Some((sample, _)) = step.next.as_ref().filter(|(s, _)| s.lobe != Lobe::Delta) else {
+            return cached;
+        };
         let followed = match step.sampled {
             Sampled::Everything => {
-                let diffuse = |wo: Vec3| if sample.wi.z > 0.0 { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO };
+                let diffuse = |wo: Vec3| {
+                    if sample.wi.z > 0.0 { bsdf.diffuse_albedo(wo) * INV_PI } else { Color::ZERO }
+                };
                 match self.slope(sample.wi) {
                     // A diffuse lobe below it does not depend on wo.
                     Some((glossy, slope)) => {
-                        let share = glossy / (glossy + diffuse(self.wo)).max(Color::splat(f32::MIN_POSITIVE));
+                        let share = glossy
+                            / (glossy + diffuse(self.wo)).max(Color::splat(f32::MIN_POSITIVE));
                         slope.map(|s| next * share * s)
                     }
-                    None => self.lobes(next, sample.wi, bsdf.f(self.wo, sample.wi), |wo| bsdf.f(wo, sample.wi)),
+                    None => self.lobes(next, sample.wi, bsdf.f(self.wo, sample.wi), |wo| {
+                        bsdf.f(wo, sample.wi)
+                    }),
                 }
             }
             _ => self.of_gloss(next, sample.wi),
@@ -100,25 +116,31 @@ impl<'a> Views<'a> {
         [diffuse[0] + glossy[0], diffuse[1] + glossy[1]]
     }
 
-    /// The change of `light`, which came from `wi` and was reflected by the lobes other than the diffuse one.
+    /// The change of `light`, which came from `wi` and was reflected by the lobes other than the
+    /// diffuse one.
     fn of_gloss(&self, light: Color, wi: Vec3) -> Change {
         match self.slope(wi) {
             Some((_, slope)) => slope.map(|s| light * s),
-            None => self.lobes(light, wi, self.vertex.bsdf.f_glossy(self.wo, wi), |wo| self.vertex.bsdf.f_glossy(wo, wi)),
+            None => self.lobes(light, wi, self.vertex.bsdf.f_glossy(self.wo, wi), |wo| {
+                self.vertex.bsdf.f_glossy(wo, wi)
+            }),
         }
     }
 
-    /// The change of `light`, which came from `wi` and is proportional to `f`, `here` towards the point of the gather.
+    /// The change of `light`, which came from `wi` and is proportional to `f`, `here` towards the
+    /// point of the gather.
     fn lobes(&self, light: Color, wi: Vec3, here: Color, f: impl Fn(Vec3) -> Color) -> Change {
         let Vertex { point, bsdf } = self.vertex;
         match self.tables {
             // The diffuse lobe is part of the sum, and of no difference.
-            Some(tables) if wi.z > 0.0 => self.difference(light, here, |wo| tables.reflect(point.material, bsdf, wo, wi) / wi.z),
+            Some(tables) if wi.z > 0.0 => self
+                .difference(light, here, |wo| tables.reflect(point.material, bsdf, wo, wi) / wi.z),
             _ => self.difference(light, here, f),
         }
     }
 
-    /// The glossy part of f for `wi`, and its relative change, if it is asked for and has a closed form.
+    /// The glossy part of f for `wi`, and its relative change, if it is asked for and has a closed
+    /// form.
     fn slope(&self, wi: Vec3) -> Option<(Color, [f32; 2])> {
         if self.how != HitChange::Analytic {
             return None;

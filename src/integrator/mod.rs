@@ -1,4 +1,5 @@
-//! Light transport: the path tracer that everything is measured against, the bidirectional one, the probe that gathers in our own scene, and shading from the cache.
+//! Light transport: the path tracer that everything is measured against, the bidirectional one, the
+//! probe that gathers in our own scene, and shading from the cache.
 
 mod bdpt;
 mod cached;
@@ -27,7 +28,8 @@ use crate::material::Bsdf;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{Sampler, hash};
 
-/// The light of one camera sample, split as the output layers are; the five sum to the beauty. Albedo is multiplied in.
+/// The light of one camera sample, split as the output layers are; the five sum to the beauty.
+/// Albedo is multiplied in.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Radiance {
     /// Light that reached the first surface straight from a source and left by its diffuse lobe.
@@ -45,12 +47,22 @@ pub struct Radiance {
 impl Radiance {
     /// The beauty.
     pub fn total(&self) -> Color {
-        self.diffuse_direct + self.diffuse_indirect + self.glossy_direct + self.glossy_indirect + self.emission
+        self.diffuse_direct
+            + self.diffuse_indirect
+            + self.glossy_direct
+            + self.glossy_indirect
+            + self.emission
     }
 
     /// The five parts, in the order of the output layers.
     pub fn parts(&self) -> [Color; 5] {
-        [self.diffuse_direct, self.diffuse_indirect, self.glossy_direct, self.glossy_indirect, self.emission]
+        [
+            self.diffuse_direct,
+            self.diffuse_indirect,
+            self.glossy_direct,
+            self.glossy_indirect,
+            self.emission,
+        ]
     }
 
     /// True if every number is one.
@@ -75,8 +87,16 @@ pub struct CameraSample {
 }
 
 impl CameraSample {
-    /// Sample `index` of the pixel with `seed` at the integer position `pixel` of an image of `size` pixels.
-    pub fn new(camera: &Camera, pixel: [u32; 2], size: [u32; 2], seed: u64, index: u32, limit: u32) -> Self {
+    /// Sample `index` of the pixel with `seed` at the integer position `pixel` of an image of
+    /// `size` pixels.
+    pub fn new(
+        camera: &Camera,
+        pixel: [u32; 2],
+        size: [u32; 2],
+        seed: u64,
+        index: u32,
+        limit: u32,
+    ) -> Self {
         let mut sampler = Sampler::new(seed, index);
         let jitter = sampler.next_2d();
         let raster = Vec2::new(pixel[0] as f32, pixel[1] as f32) + jitter;
@@ -135,7 +155,8 @@ pub struct Shaded {
     pub surface: Option<Surface>,
     /// Source of the indirect light.
     pub status: Status,
-    /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors apart; `None` too where the path tracer makes the pixels.
+    /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors
+    /// apart; `None` too where the path tracer makes the pixels.
     pub gloss: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
@@ -175,7 +196,8 @@ impl Integrator<'_> {
         matches!(self, Self::Bidirectional(_))
     }
 
-    /// Shades `samples` into `out`, in their order, and appends what they bring to other pixels to `splats`.
+    /// Shades `samples` into `out`, in their order, and appends what they bring to other pixels to
+    /// `splats`.
     pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>, splats: &mut Vec<Splat>) {
         match self {
             Self::Path(tracer) => {

@@ -13,9 +13,11 @@ use crate::scene::Scene;
 pub(super) const ROULETTE_AFTER: u32 = 4;
 /// Highest probability of survival in Russian roulette.
 pub(super) const MAX_SURVIVAL: f32 = 0.98;
-/// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as probability.
+/// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as
+/// probability.
 const GLOSS_SURVIVAL: f32 = 2.0;
-/// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect mirrors.
+/// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect
+/// mirrors.
 pub(super) const LONGEST_PATH: u32 = 4096;
 
 /// Traces light paths through a scene.
@@ -31,7 +33,8 @@ pub struct PathTracer<'a> {
 pub struct Start {
     /// Surface interactions that lie behind, the camera hit not counted.
     pub bounces: u32,
-    /// Density per steradian with which the direction was sampled, infinite if no light sampling could have chosen it.
+    /// Density per steradian with which the direction was sampled, infinite if no light sampling
+    /// could have chosen it.
     pub pdf: f32,
     /// Where the direction was sampled, for the density of light sampling.
     pub origin: Origin,
@@ -51,13 +54,17 @@ pub struct Origin {
 pub(super) enum Sampled {
     /// All of them.
     Everything,
-    /// All but the diffuse one, whose indirect light a cache knows: light samples alone account for its direct light.
+    /// All but the diffuse one, whose indirect light a cache knows: light samples alone account for
+    /// its direct light.
     Glossy,
-    /// The same, but light samples share the environment's direct light with [`PathTracer::sky`]: seen through a window they hardly ever find it.
+    /// The same, but light samples share the environment's direct light with [`PathTracer::sky`]:
+    /// seen through a window they hardly ever find it.
     GlossyAndSky,
-    /// All but the diffuse one, whose direct light a cache knows, too: light samples are for the others alone.
+    /// All but the diffuse one, whose direct light a cache knows, too: light samples are for the
+    /// others alone.
     GlossyAlone,
-    /// None, since caches know the indirect light of all: light samples alone account for direct light.
+    /// None, since caches know the indirect light of all: light samples alone account for direct
+    /// light.
     Nothing,
 }
 
@@ -70,7 +77,10 @@ pub(super) struct Vertex {
 impl Vertex {
     /// The vertex as light sampling sees it.
     pub fn origin(&self) -> Origin {
-        Origin { position: self.point.position, facing: (!self.bsdf.transmits()).then_some(self.point.ng) }
+        Origin {
+            position: self.point.position,
+            facing: (!self.bsdf.transmits()).then_some(self.point.ng),
+        }
     }
 }
 
@@ -115,7 +125,8 @@ pub(super) struct Incoming {
     pub indirect: Color,
 }
 
-/// Power heuristic with exponent 2 for a sample of density `a` that could have come with density `b` too [Veach97, Eq. 9.13].
+/// Power heuristic with exponent 2 for a sample of density `a` that could have come with density
+/// `b` too [Veach97, Eq. 9.13].
 #[inline]
 pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
     if a.is_infinite() {
@@ -155,7 +166,14 @@ impl PathTracer<'_> {
     /// The radiance that `ray` brings to the path that began as `start` says.
     ///
     /// Where indirect light is `known` the path ends.
-    pub(super) fn incoming(&self, ray: &Ray, start: &Start, sampler: &mut Sampler, seed: u64, known: Option<Known>) -> Incoming {
+    pub(super) fn incoming(
+        &self,
+        ray: &Ray,
+        start: &Start,
+        sampler: &mut Sampler,
+        seed: u64,
+        known: Option<Known>,
+    ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
         let (mut ray, mut pdf, mut origin) = (*ray, start.pdf, start.origin);
@@ -164,7 +182,8 @@ impl PathTracer<'_> {
         let mut first = true;
         loop {
             let hit = self.scene.intersect(&ray, seed.wrapping_add(u64::from(bounces)));
-            let emitted = beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
+            let emitted =
+                beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
             if first {
                 light.direct += emitted;
             } else {
@@ -200,8 +219,15 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Light emitted towards the ray by what it hit, weighed against the light sampling done at `origin`.
-    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &Origin) -> Color {
+    /// Light emitted towards the ray by what it hit, weighed against the light sampling done at
+    /// `origin`.
+    fn emitted(
+        &self,
+        ray: &Ray,
+        hit: Option<(&SurfacePoint, f32)>,
+        pdf: f32,
+        origin: &Origin,
+    ) -> Color {
         let lights = self.scene.lights();
         match hit {
             None => {
@@ -209,31 +235,54 @@ impl PathTracer<'_> {
                 if radiance == Color::ZERO {
                     return radiance;
                 }
-                radiance * power_heuristic(pdf, lights.pdf_environment(origin.position, origin.facing, ray.dir))
+                radiance
+                    * power_heuristic(
+                        pdf,
+                        lights.pdf_environment(origin.position, origin.facing, ray.dir),
+                    )
             }
             Some((at, distance)) => {
                 let radiance = self.scene.emission(at);
                 if radiance == Color::ZERO {
                     return radiance;
                 }
-                let other = lights.pdf_triangle(origin.position, origin.facing, at.instance, at.triangle, ray.dir, distance);
+                let other = lights.pdf_triangle(
+                    origin.position,
+                    origin.facing,
+                    at.instance,
+                    at.triangle,
+                    ray.dir,
+                    distance,
+                );
                 radiance * power_heuristic(pdf, other)
             }
         }
     }
 
-    /// What happens at a vertex that is not the camera's: indirect light from a cache where one knows it, one light sample, and the next ray.
-    pub(super) fn step(&self, v: &Vertex, sampler: &mut Sampler, bounces: u32, known: Option<Known>) -> Step {
+    /// What happens at a vertex that is not the camera's: indirect light from a cache where one
+    /// knows it, one light sample, and the next ray.
+    pub(super) fn step(
+        &self,
+        v: &Vertex,
+        sampler: &mut Sampler,
+        bounces: u32,
+        known: Option<Known>,
+    ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-        let (cached, sampled) = match known.filter(|_| bounces < self.max_bounces).and_then(|k| k.leaving(level, v)) {
+        let (cached, sampled) = match known
+            .filter(|_| bounces < self.max_bounces)
+            .and_then(|k| k.leaving(level, v))
+        {
             Some((diffuse, Some(glossy))) => (Reflected { diffuse, glossy }, Sampled::Nothing),
             Some((diffuse, None)) => (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy),
             None => (Reflected::default(), Sampled::Everything),
         };
         let light = self.light(v, sampler, sampled);
         let mut next = self.scatter(v, sampler, sampled);
-        // Where a cache was asked, the path is one of very many that are averaged, and the rest of it costs more than what it has brought so far. A faint gloss on
-        // top of cached light is followed only as often as it matters, and what no cache knows as often as the surface reflects.
+        // Where a cache was asked, the path is one of very many that are averaged, and the rest of
+        // it costs more than what it has brought so far. A faint gloss on top of cached
+        // light is followed only as often as it matters, and what no cache knows as often as the
+        // surface reflects.
         if let (Some(_), Some((sample, _))) = (known, &mut next) {
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let survival = (share * sample.weight.max_element()).min(1.0);
@@ -247,11 +296,18 @@ impl PathTracer<'_> {
     }
 
     /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.
-    pub(super) fn light(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(Ray, Reflected)> {
-        // In this order a pixel's place, the light sample and the choices after it take two whole sets of the sequence.
+    pub(super) fn light(
+        &self,
+        v: &Vertex,
+        sampler: &mut Sampler,
+        sampled: Sampled,
+    ) -> Option<(Ray, Reflected)> {
+        // In this order a pixel's place, the light sample and the choices after it take two whole
+        // sets of the sequence.
         let u = sampler.next_2d();
         let select = sampler.next_1d();
-        let unlit = v.bsdf.is_delta_only() || (sampled == Sampled::GlossyAlone && !v.bsdf.has_glossy());
+        let unlit =
+            v.bsdf.is_delta_only() || (sampled == Sampled::GlossyAlone && !v.bsdf.has_glossy());
         if unlit || self.scene.lights().is_empty() {
             return None;
         }
@@ -261,13 +317,24 @@ impl PathTracer<'_> {
         Some((self.scene.shadow_ray(&v.point, &light), lit))
     }
 
-    /// What is sampled at a vertex that the camera sees and whose diffuse lobe a cache serves. Gathers average over so many vertices that a second ray at each does not pay.
+    /// What is sampled at a vertex that the camera sees and whose diffuse lobe a cache serves.
+    /// Gathers average over so many vertices that a second ray at each does not pay.
     pub(super) fn beside_cache(&self, v: &Vertex) -> Sampled {
-        if v.bsdf.has_diffuse() && self.scene.lights().has_environment() { Sampled::GlossyAndSky } else { Sampled::Glossy }
+        if v.bsdf.has_diffuse() && self.scene.lights().has_environment() {
+            Sampled::GlossyAndSky
+        } else {
+            Sampled::Glossy
+        }
     }
 
-    /// Direct light of the environment by a direction of the diffuse lobe, weighed against light samples; `None` unless that is `sampled`.
-    pub(super) fn sky(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(Ray, Reflected)> {
+    /// Direct light of the environment by a direction of the diffuse lobe, weighed against light
+    /// samples; `None` unless that is `sampled`.
+    pub(super) fn sky(
+        &self,
+        v: &Vertex,
+        sampler: &mut Sampler,
+        sampled: Sampled,
+    ) -> Option<(Ray, Reflected)> {
         if sampled != Sampled::GlossyAndSky {
             return None;
         }
@@ -284,8 +351,14 @@ impl PathTracer<'_> {
         Some((self.scene.spawn(&v.point, wi), Reflected { diffuse, glossy: Color::ZERO }))
     }
 
-    /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next ray.
-    pub(super) fn scatter(&self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled) -> Option<(BsdfSample, Ray)> {
+    /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next
+    /// ray.
+    pub(super) fn scatter(
+        &self,
+        v: &Vertex,
+        sampler: &mut Sampler,
+        sampled: Sampled,
+    ) -> Option<(BsdfSample, Ray)> {
         if sampled == Sampled::Nothing || (sampled != Sampled::Everything && !v.bsdf.has_glossy()) {
             return None;
         }
@@ -300,15 +373,19 @@ impl PathTracer<'_> {
 
     fn leave(&self, v: &Vertex, sample: BsdfSample) -> Option<(BsdfSample, Ray)> {
         let wi = v.point.frame.to_world(sample.wi);
-        // A shading normal must not make reflected light come through the surface, nor transmitted light bounce off it.
+        // A shading normal must not make reflected light come through the surface, nor transmitted
+        // light bounce off it.
         let below = wi.dot(v.point.ng) <= 0.0;
-        let valid = below == sample.transmitted && sample.weight.is_finite() && sample.weight != Color::ZERO;
+        let valid = below == sample.transmitted
+            && sample.weight.is_finite()
+            && sample.weight != Color::ZERO;
         valid.then(|| (sample, self.scene.spawn(&v.point, wi)))
     }
 }
 
 impl Radiance {
-    /// Adds the light that a direction sampled at the camera's surface brings; `(diffuse, glossy)` are the sample's weights by the lobes it leaves by.
+    /// Adds the light that a direction sampled at the camera's surface brings; `(diffuse, glossy)`
+    /// are the sample's weights by the lobes it leaves by.
     pub(super) fn add(&mut self, (diffuse, glossy): (Color, Color), light: Incoming) {
         self.diffuse_direct += diffuse * light.direct;
         self.diffuse_indirect += diffuse * light.indirect;
@@ -317,7 +394,8 @@ impl Radiance {
     }
 }
 
-/// Splits the weight of a sample of the whole BSDF into what leaves by the diffuse lobe and by the others.
+/// Splits the weight of a sample of the whole BSDF into what leaves by the diffuse lobe and by the
+/// others.
 pub(super) fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
     if sample.lobe == Lobe::Delta || !v.bsdf.has_diffuse() || sample.transmitted {
         return (Color::ZERO, sample.weight);
@@ -331,8 +409,8 @@ pub(super) fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
     (diffuse, sample.weight - diffuse)
 }
 
-/// Light of one sample reflected at `at`, by the diffuse lobe and by the others, before occlusion, weighed against sampling the lobes that `sampled` says.
-/// `None` where nothing is reflected.
+/// Light of one sample reflected at `at`, by the diffuse lobe and by the others, before occlusion,
+/// weighed against sampling the lobes that `sampled` says. `None` where nothing is reflected.
 pub(super) fn reflected(
     scene: &Scene,
     at: &SurfacePoint,

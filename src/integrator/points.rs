@@ -1,4 +1,5 @@
-//! Where records are needed: the surface points that the camera sees, and those that light reaches them from.
+//! Where records are needed: the surface points that the camera sees, and those that light reaches
+//! them from.
 
 use super::Service;
 use super::path::reflected;
@@ -15,7 +16,8 @@ use rayon::prelude::*;
 
 /// Ideal mirrors and panes that a camera path follows before it gives up.
 pub(super) const LONGEST_CHAIN: u32 = 16;
-/// A pixel's shadow on a surface seen at a grazing angle is not taken longer than this multiple of its width.
+/// A pixel's shadow on a surface seen at a grazing angle is not taken longer than this multiple of
+/// its width.
 const MAX_STRETCH: f32 = 10.0;
 /// Samples of the lights for the [`Appearance`] of a point.
 const LIGHT_SAMPLES: u32 = 4;
@@ -27,47 +29,79 @@ const DEEPER_FOOTPRINT: f32 = 0.004;
 /// A point that the camera sees, its BSDF, and how it looks.
 pub type View = (SurfacePoint, Bsdf, Appearance);
 
-/// Diameter of a pixel of `camera` after a path of length `distance`, on a surface seen under the cosine `cos`.
+/// Diameter of a pixel of `camera` after a path of length `distance`, on a surface seen under the
+/// cosine `cos`.
 ///
 /// The whole path counts, not its last segment: behind a mirror pixels go on growing as before it.
 pub(super) fn footprint(camera: &CameraRay, distance: f32, cos: f32) -> f32 {
-    (camera.pixel_offset + camera.pixel_angle * distance) * (1.0 / cos.max(1.0 / MAX_STRETCH)).sqrt()
+    (camera.pixel_offset + camera.pixel_angle * distance)
+        * (1.0 / cos.max(1.0 / MAX_STRETCH)).sqrt()
 }
 
-/// Diameter of a pixel of `camera` on the surface at `point`, if the point lies inside the image of `size` pixels, hidden or not.
+/// Diameter of a pixel of `camera` on the surface at `point`, if the point lies inside the image of
+/// `size` pixels, hidden or not.
 pub fn pixel_footprint(camera: &Camera, size: [u32; 2], point: &SurfacePoint) -> Option<f32> {
     let view = camera.view(point.position, size)?;
-    let inside = view.raster.cmpge(Vec2::ZERO).all() && view.raster.cmplt(UVec2::from(size).as_vec2()).all();
-    inside.then(|| footprint(&camera.ray(view.raster, size), view.distance, view.to_camera.dot(point.ng).abs()))
+    let inside =
+        view.raster.cmpge(Vec2::ZERO).all() && view.raster.cmplt(UVec2::from(size).as_vec2()).all();
+    inside.then(|| {
+        footprint(&camera.ray(view.raster, size), view.distance, view.to_camera.dot(point.ng).abs())
+    })
 }
 
 impl PathTracer<'_> {
-    /// The first surface with a diffuse lobe that `camera` sees, straight or by ideal mirrors and panes, and the number of those.
+    /// The first surface with a diffuse lobe that `camera` sees, straight or by ideal mirrors and
+    /// panes, and the number of those.
     pub fn first_diffuse(&self, camera: &CameraRay, seed: u64) -> Option<(SurfacePoint, u32)> {
         let (v, bounces) = self.first_vertex(camera, seed, |_, bsdf| bsdf.has_diffuse())?;
         Some((v.point, bounces))
     }
 
-    /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is none. Direct light comes from a few samples of the lights at each point, and
+    /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is
+    /// none. Direct light comes from a few samples of the lights at each point, and
     /// from what the surface emits itself; `pixels` holds the camera rays and their seeds.
-    pub fn appearances(&self, pixels: &[(CameraRay, u64)]) -> Vec<Option<(SurfacePoint, Appearance)>> {
-        self.views(pixels, None).into_iter().map(|seen| seen.map(|(point, _, appearance)| (point, appearance))).collect()
+    pub fn appearances(
+        &self,
+        pixels: &[(CameraRay, u64)],
+    ) -> Vec<Option<(SurfacePoint, Appearance)>> {
+        self.views(pixels, None)
+            .into_iter()
+            .map(|seen| seen.map(|(point, _, appearance)| (point, appearance)))
+            .collect()
     }
 
-    /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their BSDFs.
-    pub fn views(&self, pixels: &[(CameraRay, u64)], service: Option<&Service>) -> Vec<Option<View>> {
-        let vertex = |(camera, seed): &(CameraRay, u64)| Some((self.first_usable(camera, *seed, service)?, *seed));
-        pixels.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex))).collect()
+    /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their
+    /// BSDFs.
+    pub fn views(
+        &self,
+        pixels: &[(CameraRay, u64)],
+        service: Option<&Service>,
+    ) -> Vec<Option<View>> {
+        let vertex = |(camera, seed): &(CameraRay, u64)| {
+            Some((self.first_usable(camera, *seed, service)?, *seed))
+        };
+        pixels
+            .par_chunks(APPEARANCES)
+            .flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex)))
+            .collect()
     }
 
     /// As [`PathTracer::views`] for the surfaces that pass through `points`.
     pub fn views_at(&self, points: &[SurfacePoint], seed: u64) -> Vec<Option<View>> {
-        let vertex = |at: &SurfacePoint| Some((self.surface_at(at, seed)?, hash(&[seed, position_hash(at)])));
-        points.par_chunks(APPEARANCES).flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex))).collect()
+        let vertex = |at: &SurfacePoint| {
+            Some((self.surface_at(at, seed)?, hash(&[seed, position_hash(at)])))
+        };
+        points
+            .par_chunks(APPEARANCES)
+            .flat_map_iter(|chunk| self.views_of(chunk.iter().map(vertex)))
+            .collect()
     }
 
     /// The views of vertices, each with a seed.
-    fn views_of(&self, vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>) -> Vec<Option<View>> {
+    fn views_of(
+        &self,
+        vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>,
+    ) -> Vec<Option<View>> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
         let mut seen: Vec<Option<View>> = Vec::with_capacity(vertices.len());
         for found in vertices {
@@ -77,22 +111,35 @@ impl PathTracer<'_> {
             };
             let wo = point.frame.to_local(point.wo);
             let diffuse = bsdf.diffuse_albedo(wo);
-            let appearance = Appearance { reflectance: diffuse * INV_PI, direct: luminance(self.scene.emission(&point)) };
+            let appearance = Appearance {
+                reflectance: diffuse * INV_PI,
+                direct: luminance(self.scene.emission(&point)),
+            };
             let number = seen.len();
             seen.push(Some((point, bsdf, appearance)));
             let v = Vertex { point, bsdf };
             let origin = v.origin();
             let words = hash(&[seed, 1]) as u32;
-            self.scene.lights().stratified(origin.position, origin.facing, LIGHT_SAMPLES, words, &mut |sample| {
-                if let Some(lit) = reflected(self.scene, &point, &bsdf, &sample, Sampled::Glossy) {
-                    rays.push(self.scene.shadow_ray(&point, &sample));
-                    light.push((number, luminance(lit.sum()) / LIGHT_SAMPLES as f32));
-                }
-            });
+            self.scene.lights().stratified(
+                origin.position,
+                origin.facing,
+                LIGHT_SAMPLES,
+                words,
+                &mut |sample| {
+                    if let Some(lit) =
+                        reflected(self.scene, &point, &bsdf, &sample, Sampled::Glossy)
+                    {
+                        rays.push(self.scene.shadow_ray(&point, &sample));
+                        light.push((number, luminance(lit.sum()) / LIGHT_SAMPLES as f32));
+                    }
+                },
+            );
         }
         let mut blocked = vec![false; rays.len()];
         self.scene.occluded_many(&rays, &mut blocked);
-        for ((number, luminance), _) in light.into_iter().zip(blocked).filter(|(_, blocked)| !blocked) {
+        for ((number, luminance), _) in
+            light.into_iter().zip(blocked).filter(|(_, blocked)| !blocked)
+        {
             if let Some((.., appearance)) = &mut seen[number] {
                 appearance.direct += luminance;
             }
@@ -100,33 +147,54 @@ impl PathTracer<'_> {
         seen
     }
 
-    /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it has
-    /// a diffuse lobe alone to be served; and whether it has a diffuse lobe.
-    pub fn first_cached(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
+    /// The first surface that `camera` sees, straight or by ideal mirrors and panes, which records
+    /// can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it
+    /// has a diffuse lobe alone to be served; and whether it has a diffuse lobe.
+    pub fn first_cached(
+        &self,
+        camera: &CameraRay,
+        seed: u64,
+        service: Option<&Service>,
+    ) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.first_usable(camera, seed, service)?;
         Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
     }
 
-    /// The surface that passes through `at`, which only tells where that is and from where it is seen, as [`PathTracer::first_cached`] would find it.
-    pub fn cached_at(&self, at: &SurfacePoint, seed: u64, service: Option<&Service>) -> Option<(SurfacePoint, u8, bool)> {
+    /// The surface that passes through `at`, which only tells where that is and from where it is
+    /// seen, as [`PathTracer::first_cached`] would find it.
+    pub fn cached_at(
+        &self,
+        at: &SurfacePoint,
+        seed: u64,
+        service: Option<&Service>,
+    ) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.surface_at(at, seed)?;
         Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
     }
 
     /// The first surface that records of any kind can serve.
-    fn first_usable(&self, camera: &CameraRay, seed: u64, service: Option<&Service>) -> Option<Vertex> {
-        let usable = |point: &SurfacePoint, bsdf: &Bsdf| bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0;
+    fn first_usable(
+        &self,
+        camera: &CameraRay,
+        seed: u64,
+        service: Option<&Service>,
+    ) -> Option<Vertex> {
+        let usable = |point: &SurfacePoint, bsdf: &Bsdf| {
+            bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0
+        };
         Some(self.first_vertex(camera, seed, usable)?.0)
     }
 
-    /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes before it; `None` if the first that is none of those is not wanted.
+    /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes
+    /// before it; `None` if the first that is none of those is not wanted.
     fn first_vertex(
         &self,
         camera: &CameraRay,
         seed: u64,
         wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
     ) -> Option<(Vertex, u32)> {
-        let mut ray = Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
+        let mut ray =
+            Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
         let mut sampler = Sampler::new(seed, 0);
         let mut travelled = 0.0;
         for bounces in 0..LONGEST_CHAIN {
@@ -140,19 +208,27 @@ impl PathTracer<'_> {
             if !bsdf.is_delta_only() {
                 return None;
             }
-            let (sample, next) = self.scatter(&Vertex { point, bsdf }, &mut sampler, Sampled::Everything)?;
+            let (sample, next) =
+                self.scatter(&Vertex { point, bsdf }, &mut sampler, Sampled::Everything)?;
             debug_assert!(sample.lobe == Lobe::Delta);
             ray = next;
         }
         None
     }
 
-    /// Points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
-    pub fn next_points(&self, points: &[SurfacePoint], count: usize, seed: u64) -> Vec<SurfacePoint> {
+    /// Points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays,
+    /// spread evenly over the points.
+    pub fn next_points(
+        &self,
+        points: &[SurfacePoint],
+        count: usize,
+        seed: u64,
+    ) -> Vec<SurfacePoint> {
         self.next_cached(points, count, seed, None).into_iter().map(|(point, _)| point).collect()
     }
 
-    /// As [`PathTracer::next_points`], points with a diffuse lobe or with gloss that radiance records serve, with the number of bands of those records, 0 where there is no use for them.
+    /// As [`PathTracer::next_points`], points with a diffuse lobe or with gloss that radiance
+    /// records serve, with the number of bands of those records, 0 where there is no use for them.
     pub fn next_cached(
         &self,
         points: &[SurfacePoint],
@@ -168,7 +244,10 @@ impl PathTracer<'_> {
             .filter_map(|k| {
                 let words = hash(&[seed, k as u64]);
                 let from = &points[(k as u64 * points.len() as u64 / count as u64) as usize];
-                let u = Vec2::new(crate::sampling::unit_f32(words as u32), crate::sampling::unit_f32((words >> 32) as u32));
+                let u = Vec2::new(
+                    crate::sampling::unit_f32(words as u32),
+                    crate::sampling::unit_f32((words >> 32) as u32),
+                );
                 let dir = from.frame.to_world(square_to_cosine_hemisphere(u));
                 if dir.dot(from.ng) <= 0.0 {
                     return None;

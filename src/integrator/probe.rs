@@ -1,4 +1,5 @@
-//! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their hits, paths where no cache helps.
+//! The probe that gathers in our own scene: bundles of rays, shadow rays and cache lookups at their
+//! hits, paths where no cache helps.
 
 use super::bdpt::LightPaths;
 use super::direct::LightPoints;
@@ -14,7 +15,8 @@ use crate::sampling::{Sampler, hash};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Sees indirect light: what the rays of a bundle hit reflects, but what it emits only if it was seen in a mirror.
+/// Sees indirect light: what the rays of a bundle hit reflects, but what it emits only if it was
+/// seen in a mirror.
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
     tables: Option<&'a GlossyTables>,
@@ -45,10 +47,17 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self { tracer, tables: None, gloss: None, light_paths: OnceLock::new(), counts: Counts::default() }
+        Self {
+            tracer,
+            tables: None,
+            gloss: None,
+            light_paths: OnceLock::new(),
+            counts: Counts::default(),
+        }
     }
 
-    /// The same probe with the lobes of the scene's materials in harmonics, for gathers that ask for [`HitChange::Harmonics`].
+    /// The same probe with the lobes of the scene's materials in harmonics, for gathers that ask
+    /// for [`HitChange::Harmonics`].
     #[must_use]
     pub fn with_tables(self, tables: Option<&'a GlossyTables>) -> Self {
         Self { tables, ..self }
@@ -70,10 +79,14 @@ impl RadianceProbe for SceneProbe<'_> {
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
         let scene = self.tracer.scene;
         let bounces = u32::from(level) + 1;
-        let joined = bundle.light_paths > 0 && !scene.lights().is_empty() && bounces <= self.tracer.max_bounces;
-        let light_paths = joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
+        let joined = bundle.light_paths > 0
+            && !scene.lights().is_empty()
+            && bounces <= self.tracer.max_bounces;
+        let light_paths =
+            joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
 
-        // Trace the rays that leave the surface on its outer side; a bent shading normal sends some of them inside.
+        // Trace the rays that leave the surface on its outer side; a bent shading normal sends some
+        // of them inside.
         let mut number = Vec::with_capacity(bundle.len());
         let mut rays = Vec::with_capacity(bundle.len());
         for (k, w) in bundle.dir_local.iter().enumerate() {
@@ -102,7 +115,11 @@ impl RadianceProbe for SceneProbe<'_> {
             };
             bundle.distance[k] = distance;
             bundle.normal[k] = point.ng;
-            bundle.kind[k] = if scene.emission(&point) == Color::ZERO { HitKind::Surface } else { HitKind::Emitter };
+            bundle.kind[k] = if scene.emission(&point) == Color::ZERO {
+                HitKind::Surface
+            } else {
+                HitKind::Emitter
+            };
             if bounces > self.tracer.max_bounces {
                 continue;
             }
@@ -117,7 +134,8 @@ impl RadianceProbe for SceneProbe<'_> {
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(known));
             let views = Views::new(bundle.hit_change, self.tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
-                let change = views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
+                let change =
+                    views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
                 shadows.push(shadow);
                 lit.push((k, through * reflected.sum(), change));
             }
@@ -133,7 +151,9 @@ impl RadianceProbe for SceneProbe<'_> {
                 add_change(
                     bundle,
                     k,
-                    views.of_step(&step, followed, self.gloss.map(|g| (g, level.saturating_add(1)))).map(|c| through * c),
+                    views
+                        .of_step(&step, followed, self.gloss.map(|g| (g, level.saturating_add(1))))
+                        .map(|c| through * c),
                 );
             }
         }
@@ -154,8 +174,19 @@ impl RadianceProbe for SceneProbe<'_> {
         self.counts.paths.fetch_add(paths, Ordering::Relaxed);
     }
 
-    fn lights<'a>(&'a self, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice) -> Option<Box<dyn DirectLight + 'a>> {
-        Some(Box::new(LightPoints::new(self.tracer.scene, from, bundle, choice, &self.counts.shadow_rays)))
+    fn lights<'a>(
+        &'a self,
+        from: &SurfacePoint,
+        bundle: &Bundle,
+        choice: LightChoice,
+    ) -> Option<Box<dyn DirectLight + 'a>> {
+        Some(Box::new(LightPoints::new(
+            self.tracer.scene,
+            from,
+            bundle,
+            choice,
+            &self.counts.shadow_rays,
+        )))
     }
 }
 

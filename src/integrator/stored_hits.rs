@@ -1,4 +1,5 @@
-//! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see what those are worth.
+//! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see
+//! what those are worth.
 
 use super::path::{PathTracer, Start, Vertex};
 use super::points::position_hash;
@@ -10,10 +11,13 @@ use crate::math::{Color, Vec3};
 use crate::sampling::{Sampler, hash};
 
 impl PathTracer<'_> {
-    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the first level sees it: its indirect light where it is `known`, no emission.
+    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the
+    /// first level sees it: its indirect light where it is `known`, no emission.
     fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, known: Known) -> Color {
         let plain = SurfacePoint::plain(hit.position, hit.normal);
-        let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else { return Color::ZERO };
+        let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else {
+            return Color::ZERO;
+        };
         let mut sampler = Sampler::new(seed, 0);
         let step = self.step(&vertex, &mut sampler, 1, Some(known));
         let mut radiance = step.cached.sum();
@@ -30,8 +34,15 @@ impl PathTracer<'_> {
         if radiance.is_finite() { radiance } else { Color::ZERO }
     }
 
-    /// The glossy reflection at `v` of the hits that `records` keep; with [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
-    pub(super) fn reflect_hits(&self, v: &Vertex, limit: u32, records: &RadianceCache, known: Known) -> Option<RadianceAnswer> {
+    /// The glossy reflection at `v` of the hits that `records` keep; with [`HitStorage::Traced`]
+    /// the light that leaves each of them towards `v` is found anew.
+    pub(super) fn reflect_hits(
+        &self,
+        v: &Vertex,
+        limit: u32,
+        records: &RadianceCache,
+        known: Known,
+    ) -> Option<RadianceAnswer> {
         let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
         let traced = records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;

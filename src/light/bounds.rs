@@ -1,4 +1,5 @@
-//! Bounds of a group of lights in space and direction, and the cost of a group by which the light tree is built.
+//! Bounds of a group of lights in space and direction, and the cost of a group by which the light
+//! tree is built.
 
 use crate::geometry::Aabb;
 use crate::math::Vec3;
@@ -20,16 +21,26 @@ impl LightBounds {
     /// The bounds of both groups.
     pub fn union(&self, other: &Self) -> Self {
         let (axis, theta_o) = union_cones((self.axis, self.theta_o), (other.axis, other.theta_o));
-        Self { bounds: self.bounds.union(other.bounds), axis, theta_o, intensity: self.intensity + other.intensity }
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            axis,
+            theta_o,
+            intensity: self.intensity + other.intensity,
+        }
     }
 
-    /// The cost of a node of the tree: intensity times the measure of its directions times that of its extent [Conty18, Sec. 4]. The squared diagonal
-    /// stands for the surface area, which is zero for lights in a row.
+    /// The cost of a node of the tree: intensity times the measure of its directions times that of
+    /// its extent [Conty18, Sec. 4]. The squared diagonal stands for the surface area, which is
+    /// zero for lights in a row.
     pub fn cost(&self) -> f32 {
         let theta_w = (self.theta_o + FRAC_PI_2).min(PI);
         let (sin_o, cos_o) = self.theta_o.sin_cos();
         let directions = 2.0 * PI * (1.0 - cos_o)
-            + FRAC_PI_2 * (2.0 * theta_w * sin_o - (self.theta_o - 2.0 * theta_w).cos() - 2.0 * self.theta_o * sin_o + cos_o);
+            + FRAC_PI_2
+                * (2.0 * theta_w * sin_o
+                    - (self.theta_o - 2.0 * theta_w).cos()
+                    - 2.0 * self.theta_o * sin_o
+                    + cos_o);
         self.intensity * directions * self.bounds.diagonal().powi(2)
     }
 }

@@ -27,7 +27,8 @@ impl Disc {
         0.5 * INV_PI / self.versine
     }
 
-    /// Irradiance on a surface with normal `n`, or across the rays; positive while any part is above the horizon.
+    /// Irradiance on a surface with normal `n`, or across the rays; positive while any part is
+    /// above the horizon.
     fn importance(&self, n: Option<Vec3>) -> f32 {
         self.irradiance * n.map_or(1.0, |n| (n.dot(self.center) + self.sin_radius).clamp(0.0, 1.0))
     }
@@ -40,8 +41,9 @@ impl Disc {
     }
 }
 
-/// All light with extent from infinity, sampled as one: by a mixture of the map's density and those of the discs, in proportion to the irradiance that each
-/// sends to the receiver (for the map: its mean over all orientations).
+/// All light with extent from infinity, sampled as one: by a mixture of the map's density and those
+/// of the discs, in proportion to the irradiance that each sends to the receiver (for the map: its
+/// mean over all orientations).
 #[derive(Clone, Debug)]
 pub(super) struct Distant {
     map: Option<Environment>,
@@ -52,8 +54,12 @@ pub(super) struct Distant {
 }
 
 impl Distant {
-    /// `None` without light. A disc is its centre, its irradiance across the rays and its angular radius.
-    pub fn new(map: Option<Environment>, discs: impl Iterator<Item = (Vec3, Color, f32)>) -> Option<Self> {
+    /// `None` without light. A disc is its centre, its irradiance across the rays and its angular
+    /// radius.
+    pub fn new(
+        map: Option<Environment>,
+        discs: impl Iterator<Item = (Vec3, Color, f32)>,
+    ) -> Option<Self> {
         let discs: Vec<Disc> = discs
             .filter(|(_, irradiance, radius)| weight(*irradiance) > 0.0 && *radius > 0.0)
             .map(|(center, irradiance, radius)| {
@@ -67,7 +73,8 @@ impl Distant {
             return None;
         }
         let map_fluence = map.as_ref().map_or(Color::ZERO, Environment::fluence);
-        let fluence = map_fluence + discs.iter().map(|d| d.radiance * (2.0 * PI * d.versine)).sum::<Color>();
+        let fluence =
+            map_fluence + discs.iter().map(|d| d.radiance * (2.0 * PI * d.versine)).sum::<Color>();
         Some(Self { map, discs, map_weight: 0.25 * weight(map_fluence), fluence })
     }
 
@@ -101,10 +108,14 @@ impl Distant {
         match &self.map {
             Some(map) if self.discs.is_empty() => map.sample(n, u),
             Some(map) => {
-                let (direction, _) = map.sample(n, Vec2::new((x / self.map_weight).clamp(0.0, 1.0 - f32::EPSILON), u.y));
+                let (direction, _) = map.sample(
+                    n,
+                    Vec2::new((x / self.map_weight).clamp(0.0, 1.0 - f32::EPSILON), u.y),
+                );
                 (direction, self.pdf(n, direction))
             }
-            // Rounding can leave a remainder; without a map and above the last disc there is nothing.
+            // Rounding can leave a remainder; without a map and above the last disc there is
+            // nothing.
             None => (Vec3::Y, 0.0),
         }
     }
@@ -113,7 +124,12 @@ impl Distant {
     pub fn pdf(&self, n: Option<Vec3>, direction: Vec3) -> f32 {
         let total = self.importance(n);
         let map = self.map.as_ref().map_or(0.0, |m| self.map_weight * m.pdf(n, direction));
-        let discs = self.discs.iter().filter(|d| d.holds(direction)).map(|d| d.importance(n) * d.density()).sum::<f32>();
+        let discs = self
+            .discs
+            .iter()
+            .filter(|d| d.holds(direction))
+            .map(|d| d.importance(n) * d.density())
+            .sum::<f32>();
         if total > 0.0 { (map + discs) / total } else { 0.0 }
     }
 }

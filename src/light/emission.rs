@@ -14,7 +14,8 @@ pub struct LightEnd {
     pub source: LightSource,
     /// World position, of no meaning for light from infinity.
     pub position: Vec3,
-    /// Unit normal of an emitting surface on the side that the path is on, zero for lights that are none.
+    /// Unit normal of an emitting surface on the side that the path is on, zero for lights that
+    /// are none.
     pub normal: Vec3,
     /// The light comes from infinity.
     pub distant: bool,
@@ -31,9 +32,11 @@ pub struct Emission {
     pub origin: Vec3,
     /// Unit direction in which the light travels.
     pub direction: Vec3,
-    /// What is emitted, the mean over the triangle for an emissive one: radiance; for a light with a position radiant intensity; for a directional one irradiance.
+    /// What is emitted, the mean over the triangle for an emissive one: radiance; for a light with
+    /// a position radiant intensity; for a directional one irradiance.
     pub emitted: Color,
-    /// The factor that makes flux of it: the cosine at a surface over the density of start and direction.
+    /// The factor that makes flux of it: the cosine at a surface over the density of start and
+    /// direction.
     pub measure: f32,
     /// Density of the end: see [`EmissionSampler::end_density`].
     pub end_density: f32,
@@ -50,7 +53,8 @@ enum Item {
     Environment,
 }
 
-/// Draws the starts of light paths. A light is chosen by its power, with the same bounds on the part of the lights at infinity that sampling towards lights has.
+/// Draws the starts of light paths. A light is chosen by its power, with the same bounds on the
+/// part of the lights at infinity that sampling towards lights has.
 pub struct EmissionSampler<'a> {
     lights: &'a Lights,
     items: Vec<Item>,
@@ -70,9 +74,20 @@ impl<'a> EmissionSampler<'a> {
         let radius = 0.5 * bounds.diagonal();
         let area = PI * radius * radius;
         let (tree, directional) = (lights.tree(), lights.directional());
-        let triangles = tree.triangles().iter().enumerate().map(|(i, t)| (Item::Triangle(i), weight(t.power())));
-        let points = tree.punctual_lights().iter().enumerate().map(|(i, (_, l))| (Item::Point(i), weight(l.power())));
-        let parallel = directional.iter().enumerate().map(|(i, (_, l))| (Item::Directional(i), area * weight(l.strength())));
+        let triangles = tree
+            .triangles()
+            .iter()
+            .enumerate()
+            .map(|(i, t)| (Item::Triangle(i), weight(t.power())));
+        let points = tree
+            .punctual_lights()
+            .iter()
+            .enumerate()
+            .map(|(i, (_, l))| (Item::Point(i), weight(l.power())));
+        let parallel = directional
+            .iter()
+            .enumerate()
+            .map(|(i, (_, l))| (Item::Directional(i), area * weight(l.strength())));
         let environment = lights.distant().map(|e| (Item::Environment, area * weight(e.fluence())));
         let near: Vec<_> = triangles.chain(points).collect();
         let far: Vec<_> = parallel.chain(environment).filter(|_| radius > 0.0).collect();
@@ -123,7 +138,8 @@ impl<'a> EmissionSampler<'a> {
         }
     }
 
-    /// The start of a path: `select` in [0, 1) chooses the light, `place` and `turn` in [0, 1)² the start and the direction. `None` where nothing is emitted.
+    /// The start of a path: `select` in [0, 1) chooses the light, `place` and `turn` in [0, 1)² the
+    /// start and the direction. `None` where nothing is emitted.
     pub fn sample(&self, select: f32, place: Vec2, turn: Vec2) -> Option<Emission> {
         let total = *self.sums.last()?;
         let target = f64::from(select) * total;
@@ -135,10 +151,16 @@ impl<'a> EmissionSampler<'a> {
                 let ([u, v], position) = light.point(place);
                 let emitter = light.emitter();
                 // With two faces the first half of the turn chooses the front.
-                let (x, faces) = if emitter.double_sided { (2.0 * turn.x, 2.0) } else { (turn.x, 1.0) };
+                let (x, faces) =
+                    if emitter.double_sided { (2.0 * turn.x, 2.0) } else { (turn.x, 1.0) };
                 let normal = light.normal() * if x < 1.0 { 1.0 } else { -1.0 };
                 let local = square_to_cosine_hemisphere(Vec2::new(x.fract(), turn.y));
-                let source = LightSource::Triangle { instance: emitter.instance, triangle: emitter.triangle, u, v };
+                let source = LightSource::Triangle {
+                    instance: emitter.instance,
+                    triangle: emitter.triangle,
+                    u,
+                    v,
+                };
                 Emission {
                     end: LightEnd { source, position, normal, distant: false, delta: false },
                     origin: position,
@@ -156,7 +178,13 @@ impl<'a> EmissionSampler<'a> {
                 let density = light.direction_density(direction);
                 let source = LightSource::Punctual(index);
                 Emission {
-                    end: LightEnd { source, position, normal: Vec3::ZERO, distant: false, delta: true },
+                    end: LightEnd {
+                        source,
+                        position,
+                        normal: Vec3::ZERO,
+                        distant: false,
+                        delta: true,
+                    },
                     origin: position,
                     direction,
                     emitted: light.intensity(direction),
@@ -167,14 +195,30 @@ impl<'a> EmissionSampler<'a> {
             }
             Item::Directional(i) => {
                 let (index, light) = &self.lights.directional()[i];
-                let PunctualLight::Directional { direction, irradiance } = *light else { return None };
-                self.start_at_infinity(LightSource::Punctual(*index), true, direction, irradiance, place, probability)
+                let PunctualLight::Directional { direction, irradiance } = *light else {
+                    return None;
+                };
+                self.start_at_infinity(
+                    LightSource::Punctual(*index),
+                    true,
+                    direction,
+                    irradiance,
+                    place,
+                    probability,
+                )
             }
             Item::Environment => {
                 let environment = self.lights.distant()?;
                 let (towards, density) = environment.sample(None, turn);
                 let radiance = environment.radiance(towards);
-                self.start_at_infinity(LightSource::Environment, false, -towards, radiance, place, probability * density)
+                self.start_at_infinity(
+                    LightSource::Environment,
+                    false,
+                    -towards,
+                    radiance,
+                    place,
+                    probability * density,
+                )
             }
         };
         (emission.measure > 0.0 && emission.measure.is_finite()).then_some(emission)
@@ -209,7 +253,8 @@ impl<'a> EmissionSampler<'a> {
         INV_PI / (self.radius * self.radius)
     }
 
-    /// The density with which paths start at an end: per area on a surface, per steradian for the environment, whose light travels along `direction`; a probability for lights
+    /// The density with which paths start at an end: per area on a surface, per steradian for the
+    /// environment, whose light travels along `direction`; a probability for lights
     /// without extent.
     pub fn end_density(&self, end: &LightEnd, direction: Vec3) -> f32 {
         match end.source {
@@ -224,34 +269,46 @@ impl<'a> EmissionSampler<'a> {
                 }
                 _ => 0.0,
             },
-            LightSource::Punctual(index) => self.punctual(index).map_or(0.0, |(item, _)| self.probability(item)),
+            LightSource::Punctual(index) => {
+                self.punctual(index).map_or(0.0, |(item, _)| self.probability(item))
+            }
         }
     }
 
-    /// The density of the ray that leaves an end along the unit direction: per steradian, for lights at infinity per area across it.
+    /// The density of the ray that leaves an end along the unit direction: per steradian, for
+    /// lights at infinity per area across it.
     pub fn ray_density(&self, end: &LightEnd, direction: Vec3) -> f32 {
         match end.source {
             LightSource::Triangle { instance, triangle, .. } => {
-                let double = self.lights.emitter(instance, triangle).is_some_and(|t| t.emitter().double_sided);
+                let double = self
+                    .lights
+                    .emitter(instance, triangle)
+                    .is_some_and(|t| t.emitter().double_sided);
                 end.normal.dot(direction).max(0.0) * INV_PI * if double { 0.5 } else { 1.0 }
             }
             LightSource::Environment => self.disc_density(),
             LightSource::Punctual(_) if end.distant => self.disc_density(),
-            LightSource::Punctual(index) => self.punctual(index).map_or(0.0, |(_, light)| light.direction_density(direction)),
+            LightSource::Punctual(index) => {
+                self.punctual(index).map_or(0.0, |(_, light)| light.direction_density(direction))
+            }
         }
     }
 
-    /// What is left of the light of an end after `distance`: less than 1 only for punctual lights with a range.
+    /// What is left of the light of an end after `distance`: less than 1 only for punctual lights
+    /// with a range.
     pub fn window(&self, end: &LightEnd, distance: f32) -> f32 {
         match end.source {
-            LightSource::Punctual(index) => self.punctual(index).map_or(1.0, |(_, light)| light.window(distance)),
+            LightSource::Punctual(index) => {
+                self.punctual(index).map_or(1.0, |(_, light)| light.window(distance))
+            }
             LightSource::Triangle { .. } | LightSource::Environment => 1.0,
         }
     }
 }
 
 impl Lights {
-    /// The probability with which [`Lights::sample`] chooses a punctual light, by its index in the scene.
+    /// The probability with which [`Lights::sample`] chooses a punctual light, by its index in the
+    /// scene.
     pub fn pdf_punctual(&self, p: Vec3, n: Option<Vec3>, index: u32) -> f32 {
         let (infinite, total) = self.infinite_probability(p, n);
         if let Some((_, light)) = self.directional().iter().find(|(i, _)| *i == index) {
@@ -263,7 +320,8 @@ impl Lights {
         }
     }
 
-    /// What reaches `p` from a punctual light, by its index in the scene, occlusion aside: the unit direction to the light, the distance, and the irradiance across that direction.
+    /// What reaches `p` from a punctual light, by its index in the scene, occlusion aside: the unit
+    /// direction to the light, the distance, and the irradiance across that direction.
     pub fn from_punctual(&self, p: Vec3, index: u32) -> Option<(Vec3, f32, Color)> {
         let light = match self.directional().iter().find(|(i, _)| *i == index) {
             Some((_, light)) => light,
@@ -283,17 +341,36 @@ mod tests {
     use std::sync::Arc;
 
     fn lights() -> (Lights, Aabb) {
-        let positions =
-            vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.0, 0.0, 2.0), Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 1.0, 2.0)];
-        let mesh =
-            TriangleMesh { positions: positions.into(), indices: vec![[0, 1, 2], [3, 4, 5]].into(), ..TriangleMesh::default() };
-        let geometry =
-            Geometry { meshes: vec![Arc::new(mesh)], instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }] };
-        let emitter =
-            |triangle, double_sided| Emitter { instance: 0, triangle, radiance: Color::new(3.0, 2.0, 1.0), double_sided };
+        let positions = vec![
+            Vec3::ZERO,
+            Vec3::X,
+            Vec3::Y,
+            Vec3::new(0.0, 0.0, 2.0),
+            Vec3::new(2.0, 0.0, 2.0),
+            Vec3::new(0.0, 1.0, 2.0),
+        ];
+        let mesh = TriangleMesh {
+            positions: positions.into(),
+            indices: vec![[0, 1, 2], [3, 4, 5]].into(),
+            ..TriangleMesh::default()
+        };
+        let geometry = Geometry {
+            meshes: vec![Arc::new(mesh)],
+            instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }],
+        };
+        let emitter = |triangle, double_sided| Emitter {
+            instance: 0,
+            triangle,
+            radiance: Color::new(3.0, 2.0, 1.0),
+            double_sided,
+        };
         let punctual = vec![
             PunctualLight::Directional { direction: Vec3::NEG_Y, irradiance: Color::splat(0.7) },
-            PunctualLight::Point { position: Vec3::ONE, intensity: Color::splat(2.0), range: f32::INFINITY },
+            PunctualLight::Point {
+                position: Vec3::ONE,
+                intensity: Color::splat(2.0),
+                range: f32::INFINITY,
+            },
             PunctualLight::Disc { direction: Vec3::X, irradiance: Color::splat(0.5), radius: 0.1 },
             PunctualLight::Spot {
                 position: Vec3::ZERO,
@@ -306,7 +383,16 @@ mod tests {
         ];
         let bounds = Aabb { min: Vec3::splat(-1.0), max: Vec3::splat(3.0) };
         let environment = Some(EnvironmentMap::constant(Color::splat(0.1)));
-        (Lights::build(&geometry, vec![emitter(0, false), emitter(1, true)], punctual, environment, bounds), bounds)
+        (
+            Lights::build(
+                &geometry,
+                vec![emitter(0, false), emitter(1, true)],
+                punctual,
+                environment,
+                bounds,
+            ),
+            bounds,
+        )
     }
 
     #[test]
@@ -322,7 +408,11 @@ mod tests {
             }
         }
         // The spread of one path's flux is below twice the mean: 2 % is beyond 4 standard errors.
-        assert!((sum / lights.power() - Color::ONE).abs().max_element() < 0.02, "{sum} {}", lights.power());
+        assert!(
+            (sum / lights.power() - Color::ONE).abs().max_element() < 0.02,
+            "{sum} {}",
+            lights.power()
+        );
     }
 
     #[test]
@@ -332,10 +422,16 @@ mod tests {
         let mut rng = Rng::new(2);
         let mut kinds = [0; 3];
         for _ in 0..20_000 {
-            let Some(e) = sampler.sample(rng.next_f32(), rng.next_2d(), rng.next_2d()) else { continue };
+            let Some(e) = sampler.sample(rng.next_f32(), rng.next_2d(), rng.next_2d()) else {
+                continue;
+            };
             let end = sampler.end_density(&e.end, e.direction);
             let ray = sampler.ray_density(&e.end, e.direction);
-            assert!((end / e.end_density - 1.0).abs() < 1e-3 && (ray / e.ray_density - 1.0).abs() < 1e-3, "{e:?} {end} {ray}");
+            assert!(
+                (end / e.end_density - 1.0).abs() < 1e-3
+                    && (ray / e.ray_density - 1.0).abs() < 1e-3,
+                "{e:?} {end} {ray}"
+            );
             let cos = if e.end.normal == Vec3::ZERO { 1.0 } else { e.end.normal.dot(e.direction) };
             assert!((e.measure * end * ray / cos - 1.0).abs() < 2e-3, "{e:?}");
             kinds[match e.end.source {

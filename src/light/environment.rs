@@ -1,4 +1,5 @@
-//! Light from infinity: lookup of an equirectangular map and sampling of directions in proportion to it.
+//! Light from infinity: lookup of an equirectangular map and sampling of directions in proportion
+//! to it.
 
 use super::{EnvironmentMap, weight};
 use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
@@ -7,21 +8,30 @@ use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
 const INFINITE: f32 = 65504.0;
 /// Largest value of a pixel; sums over more would leave the range of numbers.
 const MAX_RADIANCE: f32 = 1e20;
-/// Sampling grids have at least this many rows and twice as many columns, so that the factor sinθ of coarse maps is resolved.
+/// Sampling grids have at least this many rows and twice as many columns, so that the factor sinθ
+/// of coarse maps is resolved.
 const MIN_ROWS: u32 = 64;
 
 impl EnvironmentMap {
     /// The same radiance from everywhere.
     pub fn constant(radiance: Color) -> Self {
-        Self { width: 1, height: 1, pixels: vec![radiance], scale: 1.0, from_world: Affine3A::IDENTITY }
+        Self {
+            width: 1,
+            height: 1,
+            pixels: vec![radiance],
+            scale: 1.0,
+            from_world: Affine3A::IDENTITY,
+        }
     }
 
-    /// Radiance seen along a unit world direction, interpolated bilinearly between pixel centres; columns wrap round, rows end at the poles.
+    /// Radiance seen along a unit world direction, interpolated bilinearly between pixel centres;
+    /// columns wrap round, rows end at the poles.
     pub fn radiance(&self, direction: Vec3) -> Color {
         self.bilinear(self.direction_to_square(direction)) * self.scale
     }
 
-    /// The map's coordinates in the unit square of a unit world direction: x runs along the columns from the left, y down the rows.
+    /// The map's coordinates in the unit square of a unit world direction: x runs along the columns
+    /// from the left, y down the rows.
     fn direction_to_square(&self, direction: Vec3) -> Vec2 {
         let d = self.from_world.matrix3 * direction;
         let theta = (d.x * d.x + d.z * d.z).sqrt().atan2(d.y);
@@ -41,8 +51,12 @@ impl EnvironmentMap {
         let (x, y) = (square.x * self.width as f32 - 0.5, square.y * self.height as f32 - 0.5);
         let (left, top) = (x.floor(), y.floor());
         let (fx, fy) = (x - left, y - top);
-        let column = |offset: i64| (left as i64 + offset).rem_euclid(i64::from(self.width)) as usize;
-        let row = |offset: i64| (top as i64 + offset).clamp(0, i64::from(self.height) - 1) as usize * self.width as usize;
+        let column =
+            |offset: i64| (left as i64 + offset).rem_euclid(i64::from(self.width)) as usize;
+        let row = |offset: i64| {
+            (top as i64 + offset).clamp(0, i64::from(self.height) - 1) as usize
+                * self.width as usize
+        };
         let (x0, x1, y0, y1) = (column(0), column(1), row(0), row(1));
         let upper = self.pixels[y0 + x0].lerp(self.pixels[y0 + x1], fx);
         let lower = self.pixels[y1 + x0].lerp(self.pixels[y1 + x1], fx);
@@ -61,8 +75,9 @@ pub(super) struct Environment {
 }
 
 impl Environment {
-    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are not a radiance are replaced: NaN and negative
-    /// values by 0, infinite ones by the largest half.
+    /// `None` for a map that emits nothing or whose size is not that of its pixels. Pixels that are
+    /// not a radiance are replaced: NaN and negative values by 0, infinite ones by the largest
+    /// half.
     pub fn new(mut map: EnvironmentMap) -> Option<Self> {
         let size = map.width as usize * map.height as usize;
         if size == 0 || map.pixels.len() != size || !(map.scale > 0.0 && map.scale.is_finite()) {
@@ -82,7 +97,11 @@ impl Environment {
 
     /// Radiance seen along a unit world direction.
     pub fn radiance(&self, direction: Vec3) -> Color {
-        if self.grid.is_none() { self.map.pixels[0] * self.map.scale } else { self.map.radiance(direction) }
+        if self.grid.is_none() {
+            self.map.pixels[0] * self.map.scale
+        } else {
+            self.map.radiance(direction)
+        }
     }
 
     /// The integral of the radiance over the sphere.
@@ -90,8 +109,8 @@ impl Environment {
         self.fluence
     }
 
-    /// A direction and its density per steradian: in proportion to the radiance; for a map of one colour in proportion to the cosine with `n`, or
-    /// uniform without one.
+    /// A direction and its density per steradian: in proportion to the radiance; for a map of one
+    /// colour in proportion to the cosine with `n`, or uniform without one.
     pub fn sample(&self, n: Option<Vec3>, u: Vec2) -> (Vec3, f32) {
         match (&self.grid, n) {
             (Some(grid), _) => {
@@ -145,8 +164,11 @@ fn fluence(map: &EnvironmentMap) -> Color {
     let mut total = [0.0_f64; 3];
     for (row, pixels) in map.pixels.chunks_exact(map.width as usize).enumerate() {
         let cos = |y: usize| (std::f64::consts::PI * y as f64 / f64::from(map.height)).cos();
-        let pixel_angle = 2.0 * std::f64::consts::PI * (cos(row) - cos(row + 1)) / f64::from(map.width);
-        let sum = pixels.iter().fold([0.0_f64; 3], |s, p| [s[0] + f64::from(p.x), s[1] + f64::from(p.y), s[2] + f64::from(p.z)]);
+        let pixel_angle =
+            2.0 * std::f64::consts::PI * (cos(row) - cos(row + 1)) / f64::from(map.width);
+        let sum = pixels.iter().fold([0.0_f64; 3], |s, p| {
+            [s[0] + f64::from(p.x), s[1] + f64::from(p.y), s[2] + f64::from(p.z)]
+        });
         for (t, s) in total.iter_mut().zip(sum) {
             *t += s * pixel_angle;
         }
@@ -156,14 +178,16 @@ fn fluence(map: &EnvironmentMap) -> Color {
 
 /// A piecewise bilinear density over the map's square, in proportion to radiance times sinθ.
 ///
-/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is interpolated between the same knots, so the density is
-/// positive wherever the radiance is, and the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in which
-/// the density of the first or last row continues.
+/// Its knots are the pixel centres (of a refined grid for coarse maps). The radiance is
+/// interpolated between the same knots, so the density is positive wherever the radiance is, and
+/// the quotient of both is all but constant. Rows end in a strip of half a pixel at either pole, in
+/// which the density of the first or last row continues.
 #[derive(Clone, Debug)]
 struct Grid {
     columns: usize,
     rows: usize,
-    /// For each row of knots, the sums over its first 0, 1, ... cells between neighbouring knots: `columns + 1` numbers.
+    /// For each row of knots, the sums over its first 0, 1, ... cells between neighbouring knots:
+    /// `columns + 1` numbers.
     row_sums: Vec<f32>,
     /// The sums over the first 0, 1, ... strips between neighbouring rows: `rows + 2` numbers.
     strip_sums: Vec<f64>,
@@ -173,13 +197,19 @@ impl Grid {
     fn new(map: &EnvironmentMap) -> Self {
         let columns = map.width as usize * (2 * MIN_ROWS).div_ceil(map.width) as usize;
         let rows = map.height as usize * MIN_ROWS.div_ceil(map.height) as usize;
-        let mut grid = Self { columns, rows, row_sums: Vec::with_capacity((columns + 1) * rows), strip_sums: Vec::new() };
+        let mut grid = Self {
+            columns,
+            rows,
+            row_sums: Vec::with_capacity((columns + 1) * rows),
+            strip_sums: Vec::new(),
+        };
         for row in 0..rows {
             let first = grid.knot(map, 0, row);
             let (mut sum, mut left) = (0.0_f64, first);
             grid.row_sums.push(0.0);
             for column in 0..columns {
-                let right = if column + 1 == columns { first } else { grid.knot(map, column + 1, row) };
+                let right =
+                    if column + 1 == columns { first } else { grid.knot(map, column + 1, row) };
                 sum += 0.5 * (f64::from(left) + f64::from(right));
                 grid.row_sums.push(sum as f32);
                 left = right;
@@ -189,7 +219,9 @@ impl Grid {
         grid.strip_sums = vec![0.0];
         for strip in 0..=rows {
             let (upper, lower, height) = grid.strip(strip);
-            sum += 0.5 * f64::from(height) * (f64::from(grid.row_sum(upper)) + f64::from(grid.row_sum(lower)));
+            sum += 0.5
+                * f64::from(height)
+                * (f64::from(grid.row_sum(upper)) + f64::from(grid.row_sum(lower)));
             grid.strip_sums.push(sum);
         }
         grid
@@ -233,7 +265,10 @@ impl Grid {
 
         // Choose the column in the interpolated row.
         let stride = self.columns + 1;
-        let (above, below) = (&self.row_sums[upper * stride..][..stride], &self.row_sums[lower * stride..][..stride]);
+        let (above, below) = (
+            &self.row_sums[upper * stride..][..stride],
+            &self.row_sums[lower * stride..][..stride],
+        );
         let sum = |i: usize| above[i] + fy * (below[i] - above[i]);
         let target = u.x * sum(self.columns);
         let (mut low, mut high) = (0, self.columns);
@@ -261,7 +296,8 @@ impl Grid {
         let column = |offset: i64| (left as i64 + offset).rem_euclid(self.columns as i64) as usize;
         let row = |offset: i64| (top as i64 + offset).clamp(0, self.rows as i64 - 1) as usize;
         let at = |i, j| self.knot(map, column(i), row(j));
-        let (upper, lower) = (at(0, 0) + fx * (at(1, 0) - at(0, 0)), at(0, 1) + fx * (at(1, 1) - at(0, 1)));
+        let (upper, lower) =
+            (at(0, 0) + fx * (at(1, 0) - at(0, 0)), at(0, 1) + fx * (at(1, 1) - at(0, 1)));
         self.normalized(upper + fy * (lower - upper))
     }
 
@@ -271,7 +307,8 @@ impl Grid {
     }
 }
 
-/// Inverts the distribution function of the density on the unit interval that runs linearly from `a` to `b`.
+/// Inverts the distribution function of the density on the unit interval that runs linearly from
+/// `a` to `b`.
 pub(super) fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }

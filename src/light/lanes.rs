@@ -1,4 +1,5 @@
-//! Four at once: choosing among lights and sampling one, with one light or one sample per component of a vector.
+//! Four at once: choosing among lights and sampling one, with one light or one sample per component
+//! of a vector.
 
 use super::TriangleLight;
 use super::bounds::LightBounds;
@@ -28,7 +29,11 @@ impl Vec3x4 {
     }
 
     fn gather<T>(items: &[T], get: impl Fn(&T) -> Vec3) -> Self {
-        Self { x: gather(items, |i| get(i).x), y: gather(items, |i| get(i).y), z: gather(items, |i| get(i).z) }
+        Self {
+            x: gather(items, |i| get(i).x),
+            y: gather(items, |i| get(i).y),
+            z: gather(items, |i| get(i).z),
+        }
     }
 
     #[inline]
@@ -69,13 +74,18 @@ fn gather<T>(items: &[T], get: impl Fn(&T) -> f32) -> Vec4 {
     Vec4::from_array(std::array::from_fn(|i| items.get(i).map_or(0.0, &get)))
 }
 
-/// Sine and cosine of angles in [0, π], absolute error below 1e-6: the polynomials [Abramowitz64, Eq. 4.3.97, 4.3.99] at half the angle, doubled.
+/// Sine and cosine of angles in [0, π], absolute error below 1e-6: the polynomials [Abramowitz64,
+/// Eq. 4.3.97, 4.3.99] at half the angle, doubled.
 #[inline]
 pub(super) fn sin_cos(angle: Vec4) -> (Vec4, Vec4) {
     let half = angle * 0.5;
     let x = half * half;
-    let sin = ((((x * -2.39e-8 + 2.7526e-6) * x - 1.984_09e-4) * x + 8.333_332e-3) * x - 1.0 / 6.0) * x + 1.0;
-    let cos = ((((x * -2.605e-7 + 2.476_09e-5) * x - 1.388_839_7e-3) * x + 4.166_664e-2) * x - 0.5) * x + 1.0;
+    let sin = ((((x * -2.39e-8 + 2.7526e-6) * x - 1.984_09e-4) * x + 8.333_332e-3) * x - 1.0 / 6.0)
+        * x
+        + 1.0;
+    let cos = ((((x * -2.605e-7 + 2.476_09e-5) * x - 1.388_839_7e-3) * x + 4.166_664e-2) * x - 0.5)
+        * x
+        + 1.0;
     let sin = sin * half;
     (sin * cos * 2.0, Vec4::ONE - sin * sin * 2.0)
 }
@@ -96,7 +106,10 @@ impl TriangleLanes {
     pub fn new(triangles: &[TriangleLight]) -> Self {
         Self {
             corner: Vec3x4::gather(triangles, |t| t.corner),
-            edges: [Vec3x4::gather(triangles, |t| t.edges[0]), Vec3x4::gather(triangles, |t| t.edges[1])],
+            edges: [
+                Vec3x4::gather(triangles, |t| t.edges[0]),
+                Vec3x4::gather(triangles, |t| t.edges[1]),
+            ],
             cross: Vec3x4::gather(triangles, |t| t.cross),
             longest_squared: gather(triangles, |t| t.longest_squared),
             weight: gather(triangles, |t| t.weight),
@@ -104,10 +117,11 @@ impl TriangleLanes {
         }
     }
 
-    /// An estimate of the irradiance at `p` on a surface with normal `n` (of the integral of radiance over solid angle without a normal), by
-    /// which lights are chosen: the integral of cosθ cosθ' / d² over the area by the quadrature rule of degree 2 with the corners and the centre.
-    /// Zero if the triangle cannot light the receiver. The second value has a bit set for each triangle that is too close for the rule and lit
-    /// from the right side.
+    /// An estimate of the irradiance at `p` on a surface with normal `n` (of the integral of
+    /// radiance over solid angle without a normal), by which lights are chosen: the integral of
+    /// cosθ cosθ' / d² over the area by the quadrature rule of degree 2 with the corners and the
+    /// centre. Zero if the triangle cannot light the receiver. The second value has a bit set
+    /// for each triangle that is too close for the rule and lit from the right side.
     #[inline]
     pub fn importance(&self, p: Vec3, n: Option<Vec3>) -> (Vec4, u32) {
         let a = self.corner - Vec3x4::splat(p);
@@ -150,18 +164,22 @@ impl GroupLanes {
             axis: Vec3x4::gather(groups, |g| g.axis),
             cos_o: gather(groups, |g| g.theta_o.cos()),
             // The sine of the single precision π is not 0.
-            sin_o: gather(groups, |g| if g.theta_o >= std::f32::consts::PI { 0.0 } else { g.theta_o.sin() }),
+            sin_o: gather(groups, |g| {
+                if g.theta_o >= std::f32::consts::PI { 0.0 } else { g.theta_o.sin() }
+            }),
             intensity: gather(groups, |g| g.intensity),
         }
     }
 
-    /// An estimate of the irradiance at `p` from each group: intensity cosθ' cosθ / d², both cosines the largest that the bounding sphere and the
-    /// cone of normals allow [Conty18, Sec. 4]. Zero only if no light of the group can reach a surface with normal `n`.
+    /// An estimate of the irradiance at `p` from each group: intensity cosθ' cosθ / d², both
+    /// cosines the largest that the bounding sphere and the cone of normals allow [Conty18,
+    /// Sec. 4]. Zero only if no light of the group can reach a surface with normal `n`.
     #[inline]
     pub fn importance(&self, p: Vec3, n: Option<Vec3>) -> Vec4 {
         let to = self.center - Vec3x4::splat(p);
         // Inside the bounding sphere every direction is possible.
-        let distance_squared = to.dot(to).max(self.radius_squared).max(Vec4::splat(f32::MIN_POSITIVE));
+        let distance_squared =
+            to.dot(to).max(self.radius_squared).max(Vec4::splat(f32::MIN_POSITIVE));
         let inverse_squared = distance_squared.recip();
         let wi = to * inverse_squared.sqrt();
         let sin2_b = self.radius_squared * inverse_squared;
@@ -205,7 +223,10 @@ mod tests {
         for i in 0..=1000 {
             let angle = i as f32 / 1000.0 * std::f32::consts::PI;
             let (sin, cos) = sin_cos(Vec4::splat(angle));
-            assert!((sin.x - angle.sin()).abs() < 1e-6 && (cos.x - angle.cos()).abs() < 1e-6, "{angle}: {sin} {cos}");
+            assert!(
+                (sin.x - angle.sin()).abs() < 1e-6 && (cos.x - angle.cos()).abs() < 1e-6,
+                "{angle}: {sin} {cos}"
+            );
         }
     }
 }

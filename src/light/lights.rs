@@ -6,13 +6,15 @@ use super::lanes::LANES;
 use super::punctual::PunctualIncidence;
 use super::tree::{Comb, LEAF, LightTree, Pick, Share};
 use super::triangle::View;
-use super::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight};
+use super::{
+    Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight,
+};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
 use crate::sampling::unit_f32;
 
-/// Least part of the samples that the lights at infinity and those at finite distance get where the scene has both: an estimate of their power
-/// says nothing about which of them is occluded.
+/// Least part of the samples that the lights at infinity and those at finite distance get where the
+/// scene has both: an estimate of their power says nothing about which of them is occluded.
 const MIN_SHARE: f32 = 0.2;
 /// Most boxes around the emissive triangles.
 const BOXES: usize = 8;
@@ -21,12 +23,14 @@ const NONE: u32 = u32::MAX;
 
 /// The lights of a scene, immutable. All queries are deterministic and without allocation.
 ///
-/// A light is chosen in two steps. The first decides between the lights at infinity (environment and directional lights, chosen by irradiance)
-/// and those at finite distance, with fixed probabilities by estimated irradiance inside the scene. The second chooses one of the latter by a
-/// tree over them [Conty18, Sec. 4], which takes O(log n). Up to 16 of them are weighed one by one, nearly in proportion to the irradiance that each
-/// sends to the receiver.
+/// A light is chosen in two steps. The first decides between the lights at infinity (environment
+/// and directional lights, chosen by irradiance) and those at finite distance, with fixed
+/// probabilities by estimated irradiance inside the scene. The second chooses one of the latter by
+/// a tree over them [Conty18, Sec. 4], which takes O(log n). Up to 16 of them are weighed one by
+/// one, nearly in proportion to the irradiance that each sends to the receiver.
 ///
-/// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie wholly below the horizon of `n` are never chosen.
+/// A receiver is a world-space point `p` and, for a surface, its unit normal `n`; lights that lie
+/// wholly below the horizon of `n` are never chosen.
 #[derive(Clone, Debug)]
 pub struct Lights {
     tree: LightTree,
@@ -34,7 +38,8 @@ pub struct Lights {
     directional: Vec<(u32, PunctualLight)>,
     /// Probability of the lights at infinity where both groups reach the receiver.
     infinite_share: f32,
-    /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty for an instance that does not emit.
+    /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty
+    /// for an instance that does not emit.
     emitters: Vec<Vec<u32>>,
     /// Boxes around all emissive triangles, at most `BOXES`.
     boxes: Vec<Aabb>,
@@ -44,8 +49,9 @@ pub struct Lights {
 impl Lights {
     /// Prepares the lights of a scene for sampling; `bounds` is the scene's box.
     ///
-    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters that name no triangle of `geometry` are
-    /// ignored, as is an environment whose size contradicts its pixels.
+    /// Emitters without area or mean radiance and lights without power are never chosen. Emitters
+    /// that name no triangle of `geometry` are ignored, as is an environment whose size
+    /// contradicts its pixels.
     pub fn build(
         geometry: &Geometry,
         emitters: Vec<Emitter>,
@@ -53,20 +59,27 @@ impl Lights {
         environment: Option<EnvironmentMap>,
         bounds: Aabb,
     ) -> Self {
-        let triangles = emitters.into_iter().filter(|e| exists(geometry, e)).map(|e| TriangleLight::new(geometry, e)).collect();
+        let triangles = emitters
+            .into_iter()
+            .filter(|e| exists(geometry, e))
+            .map(|e| TriangleLight::new(geometry, e))
+            .collect();
         let discs: Vec<_> = punctual.iter().filter_map(PunctualLight::disc).collect();
         let (directional, near): (Vec<_>, Vec<_>) = (0..)
             .zip(punctual)
             .filter(|(_, light)| light.disc().is_none())
             .partition(|(_, light)| matches!(light, PunctualLight::Directional { .. }));
-        let directional: Vec<_> = directional.into_iter().filter(|(_, l)| weight(l.strength()) > 0.0).collect();
-        let near_power: Color = near.iter().filter(|(_, l)| weight(l.strength()) > 0.0).map(|(_, l)| l.power()).sum();
+        let directional: Vec<_> =
+            directional.into_iter().filter(|(_, l)| weight(l.strength()) > 0.0).collect();
+        let near_power: Color =
+            near.iter().filter(|(_, l)| weight(l.strength()) > 0.0).map(|(_, l)| l.power()).sum();
         let tree = LightTree::new(triangles, near);
         let environment = Distant::new(environment.and_then(Environment::new), discs.into_iter());
 
-        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a quarter of the fluence from outside, power over area
-        // from inside.
-        let finite_power = near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
+        // Mean irradiance on the walls of the scene's box, as if it were convex and empty: a
+        // quarter of the fluence from outside, power over area from inside.
+        let finite_power =
+            near_power + tree.triangles().iter().map(TriangleLight::power).sum::<Color>();
         let fluence = environment.as_ref().map_or(Color::ZERO, Distant::fluence);
         let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
         let size = if bounds.is_empty() { Vec3::ZERO } else { bounds.max - bounds.min };
@@ -89,7 +102,10 @@ impl Lights {
 
     /// True if nothing emits.
     pub fn is_empty(&self) -> bool {
-        self.emitter_count() == 0 && !self.tree.has_punctual() && self.directional.is_empty() && self.environment.is_none()
+        self.emitter_count() == 0
+            && !self.tree.has_punctual()
+            && self.directional.is_empty()
+            && self.environment.is_none()
     }
 
     /// True if light comes from all directions at infinity.
@@ -97,7 +113,8 @@ impl Lights {
         self.environment.is_some()
     }
 
-    /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever is in its way.
+    /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever
+    /// is in its way.
     pub fn may_shine_along(&self, origin: Vec3, direction: Vec3) -> bool {
         let inverse = direction.recip();
         self.has_environment() || self.boxes.iter().any(|b| b.is_met(origin, inverse))
@@ -118,30 +135,34 @@ impl Lights {
         (index != NONE).then_some(index as usize)
     }
 
-    /// All emissive triangles if there are at most 16, so that a closed form over all of them is affordable.
+    /// All emissive triangles if there are at most 16, so that a closed form over all of them is
+    /// affordable.
     pub fn few_emitters(&self) -> Option<&[TriangleLight]> {
         Some(self.tree.triangles()).filter(|t| t.len() <= LEAF)
     }
 
-    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with its mean radiance, without occlusion. Takes
-    /// time in proportion to their number.
+    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with
+    /// its mean radiance, without occlusion. Takes time in proportion to their number.
     pub fn unoccluded_irradiance(&self, p: Vec3, n: Vec3) -> Color {
         self.tree.triangles().iter().map(|t| t.emitter().radiance * t.irradiance(p, n)).sum()
     }
 
-    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point and spot lights, and what enters the sphere
-    /// around the scene's box from the environment and from directional lights.
+    /// Radiant power of all lights: π A L of each emissive face, the integrated intensity of point
+    /// and spot lights, and what enters the sphere around the scene's box from the environment
+    /// and from directional lights.
     pub fn power(&self) -> Color {
         self.power
     }
 
-    /// Radiance of the environment along a unit world direction, discs such as the sun's included; zero without one.
+    /// Radiance of the environment along a unit world direction, discs such as the sun's included;
+    /// zero without one.
     pub fn environment(&self, direction: Vec3) -> Color {
         self.environment.as_ref().map_or(Color::ZERO, |e| e.radiance(direction))
     }
 
-    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the direction. `None` where no light can reach the
-    /// receiver or the direction lies below its horizon.
+    /// One direction towards one light; `select` in [0,1) chooses the light, `u` in [0,1)² the
+    /// direction. `None` where no light can reach the receiver or the direction lies below its
+    /// horizon.
     pub fn sample(&self, p: Vec3, n: Option<Vec3>, select: f32, u: Vec2) -> Option<LightSample> {
         let mut sample = None;
         let comb = Comb { offset: f64::from(select), count: 1 };
@@ -153,11 +174,20 @@ impl Lights {
         sample
     }
 
-    /// `count` samples at one receiver with much less noise than as many calls of [`Lights::sample`]: each light gets its share of the samples,
-    /// rounded up or down at random, and the directions to one light are stratified. The mean over `count` of f cosθ radiance / pdf, summed over
-    /// all calls of `out`, is unbiased; there may be fewer than `count` calls. Samples of one light come one after another. The same `seed` gives
+    /// `count` samples at one receiver with much less noise than as many calls of
+    /// [`Lights::sample`]: each light gets its share of the samples, rounded up or down at
+    /// random, and the directions to one light are stratified. The mean over `count` of f cosθ
+    /// radiance / pdf, summed over all calls of `out`, is unbiased; there may be fewer than
+    /// `count` calls. Samples of one light come one after another. The same `seed` gives
     /// the same samples.
-    pub fn stratified(&self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample)) {
+    pub fn stratified(
+        &self,
+        p: Vec3,
+        n: Option<Vec3>,
+        count: u32,
+        seed: u32,
+        out: &mut impl FnMut(LightSample),
+    ) {
         let comb = Comb { offset: f64::from(unit_f32(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
             if let Some(light) = self.prepare(light, share.probability, p, n) {
@@ -168,9 +198,18 @@ impl Lights {
         });
     }
 
-    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which meets the triangle at `distance`, by way of
-    /// this triangle; 0 if that does not emit towards `p`.
-    pub fn pdf_triangle(&self, p: Vec3, n: Option<Vec3>, instance: u32, triangle: u32, wi: Vec3, distance: f32) -> f32 {
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi`, which
+    /// meets the triangle at `distance`, by way of this triangle; 0 if that does not emit
+    /// towards `p`.
+    pub fn pdf_triangle(
+        &self,
+        p: Vec3,
+        n: Option<Vec3>,
+        instance: u32,
+        triangle: u32,
+        wi: Vec3,
+        distance: f32,
+    ) -> f32 {
         let Some(index) = self.emitter_index(instance, triangle) else { return 0.0 };
         if below_horizon(n, wi) {
             return 0.0;
@@ -183,7 +222,8 @@ impl Lights {
         (1.0 - infinite) * self.tree.probability(p, n, Pick::Triangle(index)) * density
     }
 
-    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way of the environment.
+    /// Density per steradian with which [`Lights::sample`] chooses the unit direction `wi` by way
+    /// of the environment.
     pub fn pdf_environment(&self, p: Vec3, n: Option<Vec3>, wi: Vec3) -> f32 {
         let Some(environment) = &self.environment else { return 0.0 };
         if below_horizon(n, wi) {
@@ -215,7 +255,8 @@ impl Lights {
 
     /// The probability of the lights at infinity, and the sum of their weights.
     pub(super) fn infinite_probability(&self, p: Vec3, n: Option<Vec3>) -> (f32, f32) {
-        let total = self.environment_importance(n) + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
+        let total = self.environment_importance(n)
+            + self.directional.iter().map(|(_, l)| l.importance(p, n)).sum::<f32>();
         if total <= 0.0 {
             (0.0, total)
         } else if self.tree.reaches(p, n) {
@@ -231,21 +272,33 @@ impl Lights {
         let groups = comb.split(Share::all(comb), [infinite, 1.0 - infinite].into_iter());
         for (group, share) in groups {
             if group == 1 {
-                self.tree.distribute(p, n, comb, share, &mut |pick, share| out(Light::Finite(pick), share));
+                self.tree.distribute(p, n, comb, share, &mut |pick, share| {
+                    out(Light::Finite(pick), share)
+                });
                 continue;
             }
             let directional = self.directional.iter().map(|(_, l)| l.importance(p, n));
-            for (i, share) in comb.split(share, std::iter::once(self.environment_importance(n)).chain(directional)) {
+            for (i, share) in comb
+                .split(share, std::iter::once(self.environment_importance(n)).chain(directional))
+            {
                 out(if i == 0 { Light::Environment } else { Light::Directional(i - 1) }, share);
             }
         }
     }
 
     /// `None` if the light turns out not to reach the receiver.
-    fn prepare(&self, light: Light, probability: f64, p: Vec3, n: Option<Vec3>) -> Option<Prepared<'_>> {
+    fn prepare(
+        &self,
+        light: Light,
+        probability: f64,
+        p: Vec3,
+        n: Option<Vec3>,
+    ) -> Option<Prepared<'_>> {
         let kind = match light {
             Light::Environment => PreparedKind::Environment(self.environment.as_ref()?),
-            Light::Finite(Pick::Triangle(index)) => PreparedKind::Triangle(self.tree.triangles()[index].view(p)?),
+            Light::Finite(Pick::Triangle(index)) => {
+                PreparedKind::Triangle(self.tree.triangles()[index].view(p)?)
+            }
             Light::Finite(Pick::Punctual(index)) => {
                 let (index, light) = self.tree.punctual(index);
                 PreparedKind::Punctual(index, light.incidence(p)?)
@@ -259,12 +312,15 @@ impl Lights {
     }
 }
 
-/// Boxes around `triangles`, which are in an order that keeps near ones together; a little larger than they are, against rounding.
+/// Boxes around `triangles`, which are in an order that keeps near ones together; a little larger
+/// than they are, against rounding.
 fn boxes(triangles: &[TriangleLight]) -> Vec<Aabb> {
     let group = |lights: &[TriangleLight]| {
-        let corners = lights.iter().flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]]);
+        let corners =
+            lights.iter().flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]]);
         let tight = corners.fold(Aabb::EMPTY, Aabb::with);
-        let margin = 1e-4 * tight.diagonal() + 1e-5 * tight.min.abs().max(tight.max.abs()).max_element();
+        let margin =
+            1e-4 * tight.diagonal() + 1e-5 * tight.min.abs().max(tight.max.abs()).max_element();
         Aabb { min: tight.min - margin, max: tight.max + margin }
     };
     triangles.chunks(triangles.len().div_ceil(BOXES).max(1)).map(group).collect()
@@ -284,37 +340,64 @@ enum PreparedKind<'a> {
 }
 
 impl Prepared<'_> {
-    /// Calls `out` for those of `count` samples, made of the points `u(i)` of the unit square, that lie above the horizon.
+    /// Calls `out` for those of `count` samples, made of the points `u(i)` of the unit square, that
+    /// lie above the horizon.
     #[inline]
     fn sample(&self, count: u32, u: impl Fn(u32) -> Vec2, out: &mut impl FnMut(LightSample)) {
         let mut emit = |wi, distance, radiance, density, source| {
             let pdf = self.probability * density;
             if pdf > 0.0 && !below_horizon(self.n, wi) {
-                out(LightSample { wi, distance, radiance, pdf, delta: matches!(source, LightSource::Punctual(_)), source });
+                out(LightSample {
+                    wi,
+                    distance,
+                    radiance,
+                    pdf,
+                    delta: matches!(source, LightSource::Punctual(_)),
+                    source,
+                });
             }
         };
         match &self.kind {
             PreparedKind::Environment(environment) => {
                 for i in 0..count {
                     let (wi, density) = environment.sample(self.n, u(i));
-                    emit(wi, f32::INFINITY, environment.radiance(wi), density, LightSource::Environment);
+                    emit(
+                        wi,
+                        f32::INFINITY,
+                        environment.radiance(wi),
+                        density,
+                        LightSource::Environment,
+                    );
                 }
             }
             PreparedKind::Triangle(view) => {
                 let &Emitter { instance, triangle, radiance, .. } = view.light.emitter();
                 for first in (0..count).step_by(LANES) {
                     let used = LANES.min((count - first) as usize);
-                    let points =
-                        view.sample(std::array::from_fn(|lane| if lane < used { u(first + lane as u32) } else { Vec2::ZERO }));
+                    let points = view.sample(std::array::from_fn(|lane| {
+                        if lane < used { u(first + lane as u32) } else { Vec2::ZERO }
+                    }));
                     for point in (0..used).filter_map(|lane| points.get(lane)) {
                         let [u, v] = point.barycentric;
-                        emit(point.wi, point.distance, radiance, point.pdf, LightSource::Triangle { instance, triangle, u, v });
+                        emit(
+                            point.wi,
+                            point.distance,
+                            radiance,
+                            point.pdf,
+                            LightSource::Triangle { instance, triangle, u, v },
+                        );
                     }
                 }
             }
             PreparedKind::Punctual(index, incidence) => {
                 for _ in 0..count {
-                    emit(incidence.wi, incidence.distance, incidence.irradiance, 1.0, LightSource::Punctual(*index));
+                    emit(
+                        incidence.wi,
+                        incidence.distance,
+                        incidence.irradiance,
+                        1.0,
+                        LightSource::Punctual(*index),
+                    );
                 }
             }
         }
@@ -335,7 +418,10 @@ fn below_horizon(n: Option<Vec3>, wi: Vec3) -> bool {
 }
 
 fn exists(geometry: &Geometry, emitter: &Emitter) -> bool {
-    let mesh = geometry.instances.get(emitter.instance as usize).and_then(|i| geometry.meshes.get(i.mesh as usize));
+    let mesh = geometry
+        .instances
+        .get(emitter.instance as usize)
+        .and_then(|i| geometry.meshes.get(i.mesh as usize));
     mesh.is_some_and(|mesh| (emitter.triangle as usize) < mesh.indices.len())
 }
 
@@ -353,8 +439,8 @@ fn index_emitters(geometry: &Geometry, triangles: &[TriangleLight]) -> Vec<Vec<u
     emitters
 }
 
-/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y (Hammersley's set with the nested scrambling of
-/// [Laine11, Sec. 3]).
+/// Point `i` of `count` in [0,1)²: jittered along x, a randomly permuted base 2 sequence along y
+/// (Hammersley's set with the nested scrambling of [Laine11, Sec. 3]).
 fn stratified_point(i: u32, count: u32, scramble: u32) -> Vec2 {
     let x = (i as f32 + unit_f32(hash(scramble ^ i.wrapping_mul(0x85eb_ca6b)))) / count as f32;
     let mut y = i.wrapping_add(hash(!scramble));

@@ -1,4 +1,5 @@
-//! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and the sampling of all of them.
+//! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and
+//! the sampling of all of them.
 
 mod bounds;
 mod distant;
@@ -23,7 +24,8 @@ pub use triangle::TriangleLight;
 use crate::math::{Affine3A, Color, Mat3, Vec3};
 use std::sync::Arc;
 
-/// Lumens per watt of monochromatic light of 555 nm: takes photometric numbers to radiometric ones. Blender's exporter multiplies by it.
+/// Lumens per watt of monochromatic light of 555 nm: takes photometric numbers to radiometric ones.
+/// Blender's exporter multiplies by it.
 pub const LUMINOUS_EFFICACY: f32 = 683.0;
 
 /// A triangle that emits, as the scene names it.
@@ -33,7 +35,8 @@ pub struct Emitter {
     pub instance: u32,
     /// Triangle inside the instance's mesh.
     pub triangle: u32,
-    /// Mean radiance over the triangle. It steers sampling; where it is zero the triangle is never chosen.
+    /// Mean radiance over the triangle. It steers sampling; where it is zero the triangle is never
+    /// chosen.
     pub radiance: Color,
     /// True if both faces emit, false if the front face alone does.
     pub double_sided: bool,
@@ -59,17 +62,19 @@ pub enum LightSource {
     Punctual(u32),
 }
 
-/// A direction towards a light, with everything that the estimate of its contribution `f cosθ radiance / pdf` needs, visibility aside.
+/// A direction towards a light, with everything that the estimate of its contribution `f cosθ
+/// radiance / pdf` needs, visibility aside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Unit world direction from the receiver to the light.
     pub wi: Vec3,
     /// Distance to the light, infinite for the environment and for directional lights.
     pub distance: f32,
-    /// Radiance towards the receiver; the mean over the triangle for an emissive triangle. For a delta light, the irradiance on a surface across
-    /// `wi`.
+    /// Radiance towards the receiver; the mean over the triangle for an emissive triangle. For a
+    /// delta light, the irradiance on a surface across `wi`.
     pub radiance: Color,
-    /// Density per steradian, choice of the light included. For a delta light, the probability of its choice.
+    /// Density per steradian, choice of the light included. For a delta light, the probability of
+    /// its choice.
     pub pdf: f32,
     /// True if the light has no extent, so that no other technique finds it.
     pub delta: bool,
@@ -77,13 +82,15 @@ pub struct LightSample {
     pub source: LightSource,
 }
 
-/// How much a colour counts when lights are chosen: the mean of its channels, so that a blue lamp is not starved; 0 unless positive and finite.
+/// How much a colour counts when lights are chosen: the mean of its channels, so that a blue lamp
+/// is not starved; 0 unless positive and finite.
 fn weight(color: Color) -> f32 {
     let mean = (color.x + color.y + color.z) / 3.0;
     if mean.is_finite() { mean.max(0.0) } else { 0.0 }
 }
 
-/// A light that is no part of the geometry (KHR_lights_punctual, EXT_lights_ies, the sun), already in world space and in the numbers that the scene file has.
+/// A light that is no part of the geometry (KHR_lights_punctual, EXT_lights_ies, the sun), already
+/// in world space and in the numbers that the scene file has.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PunctualLight {
     /// Radiates `intensity` in all directions.
@@ -114,7 +121,8 @@ pub enum PunctualLight {
     Ies {
         /// World position.
         position: Vec3,
-        /// World to the profile's frame: orthogonal, a reflection where the scene mirrors the luminaire.
+        /// World to the profile's frame: orthogonal, a reflection where the scene mirrors the
+        /// luminaire.
         from_world: Mat3,
         /// Factor on the profile's candela.
         scale: Color,
@@ -130,8 +138,8 @@ pub enum PunctualLight {
         /// Irradiance on a surface across the light.
         irradiance: Color,
     },
-    /// A disc at infinity such as the sun's, of the same radiance all over. Unlike the others it has an extent, is seen, and samples of it count as the
-    /// environment's.
+    /// A disc at infinity such as the sun's, of the same radiance all over. Unlike the others it
+    /// has an extent, is seen, and samples of it count as the environment's.
     Disc {
         /// Unit direction in which the light from its centre travels.
         direction: Vec3,
@@ -142,8 +150,9 @@ pub enum PunctualLight {
     },
 }
 
-/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no rotation the middle column is seen along +X and +Z
-/// lies to its right, as in Blender and three.js.
+/// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no
+/// rotation the middle column is seen along +X and +Z lies to its right, as in Blender and
+/// three.js.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     /// Columns.

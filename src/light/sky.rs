@@ -14,9 +14,11 @@ const SOLAR_CONSTANT: f64 = 133_800.0;
 /// Which sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SkyKind {
-    /// The traditional overcast sky of Moon and Spencer, three times as bright at the zenith as at the horizon.
+    /// The traditional overcast sky of Moon and Spencer, three times as bright at the zenith as at
+    /// the horizon.
     Overcast,
-    /// One of the 15 standard general skies of the CIE by its number from 1 to 15 [CIES011, Table 1]; 12 is the CIE standard clear sky.
+    /// One of the 15 standard general skies of the CIE by its number from 1 to 15 [CIES011, Table
+    /// 1]; 12 is the CIE standard clear sky.
     General(u8),
 }
 
@@ -31,8 +33,8 @@ pub enum SunKind {
     Direction,
 }
 
-/// A sky with its sun and the ground below it. Illuminances are in lux, luminances in cd/m²; azimuths are in degrees clockwise from north as seen from above,
-/// north being -Z and east +X.
+/// A sky with its sun and the ground below it. Illuminances are in lux, luminances in cd/m²;
+/// azimuths are in degrees clockwise from north as seen from above, north being -Z and east +X.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky {
     /// The distribution of luminance.
@@ -75,7 +77,8 @@ const GENERAL: [[f64; 5]; 15] = [
 ];
 
 impl Sky {
-    /// The sky of that kind with the sun in the south at 45 degrees: a disc where it can be seen, none behind the clouds of types 1 to 6.
+    /// The sky of that kind with the sun in the south at 45 degrees: a disc where it can be seen,
+    /// none behind the clouds of types 1 to 6.
     pub fn new(kind: SkyKind) -> Self {
         let clouded = matches!(kind, SkyKind::Overcast | SkyKind::General(..=6));
         Self {
@@ -91,24 +94,35 @@ impl Sky {
         }
     }
 
-    /// Reads `KIND[,KEY=VALUE]...`: KIND is `overcast`, `clear` or `cie1` to `cie15`; the keys are `azimuth`, `elevation`, `illuminance`, `sun` (disc, direction
-    /// or none), `sun-illuminance`, `turbidity`, `color` and `ground`, the last two one number or three as R/G/B.
+    /// Reads `KIND[,KEY=VALUE]...`: KIND is `overcast`, `clear` or `cie1` to `cie15`; the keys are
+    /// `azimuth`, `elevation`, `illuminance`, `sun` (disc, direction
+    /// or none), `sun-illuminance`, `turbidity`, `color` and `ground`, the last two one number or
+    /// three as R/G/B.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] that names the part.
     pub fn parse(text: &str) -> Result<Self> {
         let mut parts = text.split(',').map(str::trim);
         let name = parts.next().unwrap_or("");
-        let number = || name.strip_prefix("cie").and_then(|n| n.parse::<u8>().ok()).filter(|n| (1..=15).contains(n));
+        let number = || {
+            name.strip_prefix("cie")
+                .and_then(|n| n.parse::<u8>().ok())
+                .filter(|n| (1..=15).contains(n))
+        };
         let kind = match (name, number()) {
             ("overcast", _) => SkyKind::Overcast,
             ("clear", _) => SkyKind::General(12),
             (_, Some(number)) => SkyKind::General(number),
-            _ => return Err(bad(format!("{name:?} is no sky: there are overcast, clear, and cie1 to cie15"))),
+            _ => {
+                return Err(bad(format!(
+                    "{name:?} is no sky: there are overcast, clear, and cie1 to cie15"
+                )));
+            }
         };
         let mut sky = Self::new(kind);
         for part in parts {
-            let (key, value) = part.split_once('=').ok_or_else(|| bad(format!("{part:?}: expected KEY=VALUE")))?;
+            let (key, value) =
+                part.split_once('=').ok_or_else(|| bad(format!("{part:?}: expected KEY=VALUE")))?;
             sky.set(key.trim(), value.trim())?;
         }
         Ok(sky)
@@ -127,7 +141,9 @@ impl Sky {
                 _ => None,
             }
             .filter(|c| c.min_element() >= 0.0 && c.max_element() <= high)
-            .ok_or_else(|| bad(format!("{key}={value}: expected one number or R/G/B, each from 0 to {high}")))
+            .ok_or_else(|| {
+                bad(format!("{key}={value}: expected one number or R/G/B, each from 0 to {high}"))
+            })
         };
         match key {
             "azimuth" => self.azimuth = number(-360.0, 360.0)?,
@@ -201,14 +217,18 @@ impl Sky {
         let elevation = f64::from(self.elevation);
         self.sun_illuminance.map_or_else(
             || {
-                let mass = 1.0 / (elevation.to_radians().sin() + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
-                SOLAR_CONSTANT * (-f64::from(self.turbidity) * mass * 0.1 / (1.0 + 0.0045 * mass)).exp()
+                let mass = 1.0
+                    / (elevation.to_radians().sin()
+                        + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
+                SOLAR_CONSTANT
+                    * (-f64::from(self.turbidity) * mass * 0.1 / (1.0 + 0.0045 * mass)).exp()
             },
             f64::from,
         )
     }
 
-    /// The shape of the distribution, of no particular scale, at a zenith angle with cosine `cos` ≥ 0 and the angle `chi` from the sun:
+    /// The shape of the distribution, of no particular scale, at a zenith angle with cosine `cos` ≥
+    /// 0 and the angle `chi` from the sun:
     ///
     /// ```text
     /// overcast  L = (1 + 2 cos Z) / 3                                                      [MoonSpencer42]
@@ -220,7 +240,9 @@ impl Sky {
             SkyKind::General(number) => {
                 let [a, b, c, d, e] = GENERAL[usize::from(number) - 1];
                 let gradation = 1.0 + a * (b / cos.max(1e-6)).exp();
-                let indicatrix = 1.0 + c * ((d * chi).exp() - (d * std::f64::consts::FRAC_PI_2).exp()) + e * chi.cos().powi(2);
+                let indicatrix = 1.0
+                    + c * ((d * chi).exp() - (d * std::f64::consts::FRAC_PI_2).exp())
+                    + e * chi.cos().powi(2);
                 gradation * indicatrix
             }
         }
@@ -229,7 +251,8 @@ impl Sky {
     /// The relative luminance in a direction above the horizon.
     fn towards(&self, direction: Vec3) -> f64 {
         let to_sun = self.sun_direction();
-        let chi = f64::from(direction.cross(to_sun).length()).atan2(f64::from(direction.dot(to_sun)));
+        let chi =
+            f64::from(direction.cross(to_sun).length()).atan2(f64::from(direction.dot(to_sun)));
         self.relative_luminance(f64::from(direction.y), chi)
     }
 
@@ -238,19 +261,26 @@ impl Sky {
         self.scale() * self.towards(Vec3::Y)
     }
 
-    /// The factor from relative luminance to cd/m²: illuminance over ∫ L cos Z dω. That integral is 7π/9 for the overcast sky.
+    /// The factor from relative luminance to cd/m²: illuminance over ∫ L cos Z dω. That integral is
+    /// 7π/9 for the overcast sky.
     fn scale(&self) -> f64 {
         let integral = match self.kind {
             SkyKind::Overcast => 7.0 / 9.0 * std::f64::consts::PI,
             SkyKind::General(_) => {
-                // The midpoint rule over the squared sine of the zenith angle, in which the cosine is uniform.
+                // The midpoint rule over the squared sine of the zenith angle, in which the cosine
+                // is uniform.
                 let (rows, columns) = (256, 512);
                 let sum: f64 = (0..rows * columns)
                     .map(|i| {
                         let squared = (f64::from(i / columns) + 0.5) / f64::from(rows);
-                        let azimuth = 2.0 * std::f64::consts::PI * (f64::from(i % columns) + 0.5) / f64::from(columns);
+                        let azimuth = 2.0 * std::f64::consts::PI * (f64::from(i % columns) + 0.5)
+                            / f64::from(columns);
                         let (sin, cos) = (squared.sqrt(), (1.0 - squared).sqrt());
-                        self.towards(Vec3::new((sin * azimuth.cos()) as f32, cos as f32, (sin * azimuth.sin()) as f32))
+                        self.towards(Vec3::new(
+                            (sin * azimuth.cos()) as f32,
+                            cos as f32,
+                            (sin * azimuth.sin()) as f32,
+                        ))
                     })
                     .sum();
                 sum * std::f64::consts::PI / f64::from(rows * columns)
@@ -259,8 +289,9 @@ impl Sky {
         self.sky_illuminance() / integral
     }
 
-    /// Sky and ground as an environment whose radiance is the luminance in cd/m² divided by `efficacy`, in lm/W, without the sun. The ground reflects what
-    /// falls on it from sky and sun, as a Lambertian surface does.
+    /// Sky and ground as an environment whose radiance is the luminance in cd/m² divided by
+    /// `efficacy`, in lm/W, without the sun. The ground reflects what falls on it from sky and
+    /// sun, as a Lambertian surface does.
     pub fn environment(&self, efficacy: f32) -> EnvironmentMap {
         let scale = self.scale() / f64::from(efficacy);
         let tint = self.color / luminance(self.color);
@@ -276,8 +307,13 @@ impl Sky {
                     PI * ((i / width) as f32 + 0.5) / height as f32,
                     2.0 * PI * (((i % width) as f32 + 0.5) / width as f32 - 0.5),
                 );
-                let direction = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
-                if direction.y > 0.0 { tint * (scale * self.towards(direction)) as f32 } else { ground }
+                let direction =
+                    Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+                if direction.y > 0.0 {
+                    tint * (scale * self.towards(direction)) as f32
+                } else {
+                    ground
+                }
             })
             .collect();
         EnvironmentMap { width, height, pixels, scale: 1.0, from_world: Affine3A::IDENTITY }
@@ -290,7 +326,11 @@ impl Sky {
         match self.sun {
             SunKind::None => None,
             SunKind::Direction => Some(PunctualLight::Directional { direction, irradiance }),
-            SunKind::Disc => Some(PunctualLight::Disc { direction, irradiance, radius: 0.5 * SUN_DIAMETER.to_radians() }),
+            SunKind::Disc => Some(PunctualLight::Disc {
+                direction,
+                irradiance,
+                radius: 0.5 * SUN_DIAMETER.to_radians(),
+            }),
         }
     }
 }
@@ -311,10 +351,16 @@ mod tests {
         for degrees in [1.0f32, 10.0, 30.0, 60.0, 89.0] {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let expected = up * (1.0 + 2.0 * sin) / 3.0;
-            assert!((map.radiance(Vec3::new(cos, sin, 0.0)).x / expected - 1.0).abs() < 1e-3, "{degrees}");
+            assert!(
+                (map.radiance(Vec3::new(cos, sin, 0.0)).x / expected - 1.0).abs() < 1e-3,
+                "{degrees}"
+            );
         }
         // E = 7/9 π L_z, and 300 + 21000 sin 45°.
-        assert!((7.0 / 9.0 * std::f64::consts::PI * sky.zenith_luminance() / 15_149.24 - 1.0).abs() < 1e-6);
+        assert!(
+            (7.0 / 9.0 * std::f64::consts::PI * sky.zenith_luminance() / 15_149.24 - 1.0).abs()
+                < 1e-6
+        );
         assert!((f64::from(up) / sky.zenith_luminance() - 1.0).abs() < 1e-4);
     }
 
@@ -322,10 +368,16 @@ mod tests {
     fn general_skies_agree_with_the_standard() {
         // At the zenith with the sun there, every factor of the clear sky is known.
         let clear = Sky { elevation: 90.0, ..Sky::new(SkyKind::General(12)) };
-        let expected = (1.0 - (-0.32f64).exp()) * (1.0 + 10.0 * (1.0 - (-1.5 * std::f64::consts::PI).exp()) + 0.45);
+        let expected = (1.0 - (-0.32f64).exp())
+            * (1.0 + 10.0 * (1.0 - (-1.5 * std::f64::consts::PI).exp()) + 0.45);
         assert!((clear.relative_luminance(1.0, 0.0) / expected - 1.0).abs() < 1e-12);
-        // At right angles to the sun the indicatrix is 1; type 5 is uniform; type 1 is overcast by another formula.
-        assert!((clear.relative_luminance(1.0, std::f64::consts::FRAC_PI_2) - (1.0 - (-0.32f64).exp())).abs() < 1e-12);
+        // At right angles to the sun the indicatrix is 1; type 5 is uniform; type 1 is overcast by
+        // another formula.
+        assert!(
+            (clear.relative_luminance(1.0, std::f64::consts::FRAC_PI_2) - (1.0 - (-0.32f64).exp()))
+                .abs()
+                < 1e-12
+        );
         let uniform = Sky { illuminance: Some(1000.0), ..Sky::new(SkyKind::General(5)) };
         assert!((uniform.zenith_luminance() * std::f64::consts::PI / 1000.0 - 1.0).abs() < 1e-9);
         let first = Sky::new(SkyKind::General(1));
@@ -335,15 +387,26 @@ mod tests {
 
     #[test]
     fn the_sun_dims_towards_the_horizon_and_in_haze() {
-        let at = |elevation, turbidity| Sky { elevation, turbidity, ..Sky::new(SkyKind::General(12)) }.sun_illuminance();
+        let at = |elevation, turbidity| {
+            Sky { elevation, turbidity, ..Sky::new(SkyKind::General(12)) }.sun_illuminance()
+        };
         assert!((at(90.0, 3.0) / 99_240.0 - 1.0).abs() < 2e-3, "{}", at(90.0, 3.0));
-        assert!(at(60.0, 3.0) > at(20.0, 3.0) && at(20.0, 3.0) > at(5.0, 3.0) && at(45.0, 2.0) > at(45.0, 6.0));
+        assert!(
+            at(60.0, 3.0) > at(20.0, 3.0)
+                && at(20.0, 3.0) > at(5.0, 3.0)
+                && at(45.0, 2.0) > at(45.0, 6.0)
+        );
     }
 
     #[test]
     fn directions_are_those_of_the_compass() {
-        let at = |azimuth, elevation| Sky { azimuth, elevation, ..Sky::new(SkyKind::Overcast) }.sun_direction();
-        assert!((at(0.0, 1e-4) - Vec3::NEG_Z).length() < 1e-5 && (at(90.0, 1e-4) - Vec3::X).length() < 1e-5);
+        let at = |azimuth, elevation| {
+            Sky { azimuth, elevation, ..Sky::new(SkyKind::Overcast) }.sun_direction()
+        };
+        assert!(
+            (at(0.0, 1e-4) - Vec3::NEG_Z).length() < 1e-5
+                && (at(90.0, 1e-4) - Vec3::X).length() < 1e-5
+        );
         assert!((at(10.0, 90.0) - Vec3::Y).length() < 1e-5);
     }
 
@@ -351,7 +414,10 @@ mod tests {
     fn text_is_read_and_mistakes_are_named() {
         let sky = Sky::parse("clear,azimuth=120, elevation=30,sun=direction,turbidity=4,ground=0.1/0.2/0.05,color=0.7/0.9/1.4")
             .unwrap();
-        assert_eq!((sky.kind, sky.azimuth, sky.elevation, sky.sun), (SkyKind::General(12), 120.0, 30.0, SunKind::Direction));
+        assert_eq!(
+            (sky.kind, sky.azimuth, sky.elevation, sky.sun),
+            (SkyKind::General(12), 120.0, 30.0, SunKind::Direction)
+        );
         assert_eq!((sky.turbidity, sky.ground), (4.0, Color::new(0.1, 0.2, 0.05)));
         assert_eq!(Sky::parse("cie7").unwrap().sun, SunKind::Disc);
         assert_eq!(Sky::parse("overcast,illuminance=10000").unwrap().sky_illuminance(), 10_000.0);

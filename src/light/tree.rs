@@ -1,7 +1,7 @@
 //! A tree over the lights at finite distance, for choosing one of many in logarithmic time.
 //!
-//! Inner nodes have up to four children and are split by the bounds of the children; a leaf holds a few lights and is split by the lights' own
-//! importance. A scene of few lights is one leaf.
+//! Inner nodes have up to four children and are split by the bounds of the children; a leaf holds a
+//! few lights and is split by the lights' own importance. A scene of few lights is one leaf.
 
 use super::bounds::LightBounds;
 use super::lanes::{GroupLanes, LANES, TriangleLanes};
@@ -15,11 +15,12 @@ use std::ops::Range;
 pub(super) const LEAF: usize = 16;
 /// Candidate planes per axis are the borders of this many bins.
 const BINS: usize = 12;
-/// From this depth on groups are halved by number, which bounds the depth of any tree by the 32 steps of a path.
+/// From this depth on groups are halved by number, which bounds the depth of any tree by the 32
+/// steps of a path.
 const MAX_SAOH_DEPTH: u32 = 16;
 
-/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that fall into an interval of cumulated probability
-/// choose its light.
+/// Equally spaced choices in [0, 1): `count` of them, the first at `offset / count`. Those that
+/// fall into an interval of cumulated probability choose its light.
 #[derive(Clone, Copy)]
 pub(super) struct Comb {
     pub offset: f64,
@@ -42,15 +43,22 @@ impl Share {
 }
 
 impl Comb {
-    /// Cuts an interval in proportion to `values`, and yields the parts that contain choices. The parts of positive values get all choices.
+    /// Cuts an interval in proportion to `values`, and yields the parts that contain choices. The
+    /// parts of positive values get all choices.
     #[inline]
-    pub fn split(self, share: Share, values: impl Iterator<Item = f32> + Clone) -> impl Iterator<Item = (usize, Share)> {
+    pub fn split(
+        self,
+        share: Share,
+        values: impl Iterator<Item = f32> + Clone,
+    ) -> impl Iterator<Item = (usize, Share)> {
         let total: f32 = values.clone().sum();
         let scale = share.probability / f64::from(total);
         let Share { start, mut choices, .. } = share;
-        // Choice k lies at (k + offset) / count; `next` is where the first one left lies on the scale of the values.
+        // Choice k lies at (k + offset) / count; `next` is where the first one left lies on the
+        // scale of the values.
         let spacing = f64::from(self.count).recip();
-        let position = move |choice: u32| ((f64::from(choice) + self.offset) * spacing - start) / scale;
+        let position =
+            move |choice: u32| ((f64::from(choice) + self.offset) * spacing - start) / scale;
         let mut next = position(choices.start);
         let mut sum = 0.0;
         values.enumerate().filter_map(move |(i, value)| {
@@ -121,7 +129,8 @@ pub(super) struct LightTree {
     triangles: Vec<TriangleLight>,
     /// In the order of the leaves, with their indices in the scene.
     punctual: Vec<(u32, PunctualLight)>,
-    /// For each triangle, the path from the root to its leaf: bits 2i and 2i + 1 are the child that it takes at depth i.
+    /// For each triangle, the path from the root to its leaf: bits 2i and 2i + 1 are the child
+    /// that it takes at depth i.
     paths: Vec<u64>,
     /// The same for each punctual light.
     punctual_paths: Vec<u64>,
@@ -132,10 +141,16 @@ pub(super) struct LightTree {
 impl LightTree {
     /// Lights without power are left out.
     pub fn new(triangles: Vec<TriangleLight>, punctual: Vec<(u32, PunctualLight)>) -> Self {
-        let items = triangles.iter().enumerate().map(|(i, t)| (triangle_bounds(t), Pick::Triangle(i)));
-        let items = items.chain(punctual.iter().enumerate().map(|(i, l)| (punctual_bounds(&l.1), Pick::Punctual(i))));
-        let mut items: Vec<_> =
-            items.filter(|(b, _)| b.intensity > 0.0 && b.intensity.is_finite() && b.bounds.diagonal().is_finite()).collect();
+        let items =
+            triangles.iter().enumerate().map(|(i, t)| (triangle_bounds(t), Pick::Triangle(i)));
+        let items = items.chain(
+            punctual.iter().enumerate().map(|(i, l)| (punctual_bounds(&l.1), Pick::Punctual(i))),
+        );
+        let mut items: Vec<_> = items
+            .filter(|(b, _)| {
+                b.intensity > 0.0 && b.intensity.is_finite() && b.bounds.diagonal().is_finite()
+            })
+            .collect();
         let mut tree = Self {
             root: None,
             nodes: Vec::new(),
@@ -150,7 +165,8 @@ impl LightTree {
         if !items.is_empty() {
             tree.root = Some(tree.build(&mut items, 0, 0, &triangles, &punctual));
         }
-        tree.punctual_places = (0..).zip(&tree.punctual).map(|(place, (index, _))| (*index, place)).collect();
+        tree.punctual_places =
+            (0..).zip(&tree.punctual).map(|(place, (index, _))| (*index, place)).collect();
         tree.punctual_places.sort_unstable();
         tree
     }
@@ -166,13 +182,17 @@ impl LightTree {
         if items.len() <= LEAF {
             return Child::Leaf(self.add_leaf(items, path, triangles, punctual));
         }
-        let halves = cut(items, depth).map(|half| if half.len() > LEAF { cut(half, depth) } else { [half, &mut []] });
-        let mut groups: Vec<_> = halves.into_iter().flatten().filter(|group| !group.is_empty()).collect();
+        let halves = cut(items, depth)
+            .map(|half| if half.len() > LEAF { cut(half, depth) } else { [half, &mut []] });
+        let mut groups: Vec<_> =
+            halves.into_iter().flatten().filter(|group| !group.is_empty()).collect();
         let bounds: Vec<_> = groups.iter().filter_map(|group| union(group)).collect();
         let node = self.nodes.len();
-        self.nodes.push(Node { groups: GroupLanes::new(&bounds), children: [Child::Leaf(0); LANES] });
+        self.nodes
+            .push(Node { groups: GroupLanes::new(&bounds), children: [Child::Leaf(0); LANES] });
         for (i, group) in groups.iter_mut().enumerate() {
-            let child = self.build(group, depth + 1, path | (i as u64) << (2 * depth), triangles, punctual);
+            let child =
+                self.build(group, depth + 1, path | (i as u64) << (2 * depth), triangles, punctual);
             self.nodes[node].children[i] = child;
         }
         Child::Inner(node as u32)
@@ -185,7 +205,9 @@ impl LightTree {
         triangles: &[TriangleLight],
         punctual: &[(u32, PunctualLight)],
     ) -> u32 {
-        let counts = |tree: &Self| [tree.triangles.len(), tree.lanes.len(), tree.punctual.len()].map(|n| n as u32);
+        let counts = |tree: &Self| {
+            [tree.triangles.len(), tree.lanes.len(), tree.punctual.len()].map(|n| n as u32)
+        };
         let first = counts(self);
         for (_, pick) in items {
             match *pick {
@@ -199,9 +221,14 @@ impl LightTree {
                 }
             }
         }
-        self.lanes.extend(self.triangles[first[0] as usize..].chunks(LANES).map(TriangleLanes::new));
+        self.lanes
+            .extend(self.triangles[first[0] as usize..].chunks(LANES).map(TriangleLanes::new));
         let end = counts(self);
-        self.leaves.push(Leaf { triangles: first[0]..end[0], lanes: first[1]..end[1], punctual: first[2]..end[2] });
+        self.leaves.push(Leaf {
+            triangles: first[0]..end[0],
+            lanes: first[1]..end[1],
+            punctual: first[2]..end[2],
+        });
         self.leaves.len() as u32 - 1
     }
 
@@ -222,7 +249,10 @@ impl LightTree {
 
     /// The place of a punctual light by its index in the scene.
     pub fn find_punctual(&self, scene_index: u32) -> Option<usize> {
-        self.punctual_places.binary_search_by_key(&scene_index, |(index, _)| *index).ok().map(|i| self.punctual_places[i].1)
+        self.punctual_places
+            .binary_search_by_key(&scene_index, |(index, _)| *index)
+            .ok()
+            .map(|i| self.punctual_places[i].1)
     }
 
     /// The punctual light of a pick and its index in the scene.
@@ -235,14 +265,26 @@ impl LightTree {
     pub fn reaches(&self, p: Vec3, n: Option<Vec3>) -> bool {
         match self.root {
             None => false,
-            Some(Child::Inner(node)) => self.nodes[node as usize].groups.importance(p, n).max_element() > 0.0,
-            Some(Child::Leaf(leaf)) => self.leaf_importance(&self.leaves[leaf as usize], p, n).0.iter().any(|&i| i > 0.0),
+            Some(Child::Inner(node)) => {
+                self.nodes[node as usize].groups.importance(p, n).max_element() > 0.0
+            }
+            Some(Child::Leaf(leaf)) => {
+                self.leaf_importance(&self.leaves[leaf as usize], p, n).0.iter().any(|&i| i > 0.0)
+            }
         }
     }
 
-    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets some. Choices that end among lights which all
-    /// turn out not to reach the receiver are lost.
-    pub fn distribute(&self, p: Vec3, n: Option<Vec3>, comb: Comb, share: Share, out: &mut impl FnMut(Pick, Share)) {
+    /// Distributes the choices of `share` over the lights, and calls `out` for each light that gets
+    /// some. Choices that end among lights which all turn out not to reach the receiver are
+    /// lost.
+    pub fn distribute(
+        &self,
+        p: Vec3,
+        n: Option<Vec3>,
+        comb: Comb,
+        share: Share,
+        out: &mut impl FnMut(Pick, Share),
+    ) {
         if let Some(root) = self.root {
             self.distribute_below(root, p, n, comb, share, out);
         }
@@ -280,7 +322,8 @@ impl LightTree {
         }
     }
 
-    /// The probability that a choice falls on a light, a triangle by its index in [`LightTree::triangles`].
+    /// The probability that a choice falls on a light, a triangle by its index in
+    /// [`LightTree::triangles`].
     pub fn probability(&self, p: Vec3, n: Option<Vec3>, pick: Pick) -> f32 {
         let mut probability = 1.0;
         let mut path = match pick {
@@ -318,7 +361,8 @@ impl LightTree {
             importance[slots..slots + LANES].copy_from_slice(&values.to_array());
             while near != 0 {
                 let slot = slots + near.trailing_zeros() as usize;
-                importance[slot] = self.triangles[leaf.triangles.start as usize + slot].near_importance(p, n);
+                importance[slot] =
+                    self.triangles[leaf.triangles.start as usize + slot].near_importance(p, n);
                 near &= near - 1;
             }
             slots += LANES;
@@ -333,7 +377,11 @@ impl LightTree {
 
 /// The part of one value in the sum of all, as [`Comb::split`] has it.
 fn fraction(values: &[f32], index: usize) -> f64 {
-    if values[index] > 0.0 { f64::from(values[index]) / f64::from(values.iter().sum::<f32>()) } else { 0.0 }
+    if values[index] > 0.0 {
+        f64::from(values[index]) / f64::from(values.iter().sum::<f32>())
+    } else {
+        0.0
+    }
 }
 
 fn triangle_bounds(triangle: &TriangleLight) -> LightBounds {
@@ -348,10 +396,19 @@ fn punctual_bounds(light: &PunctualLight) -> LightBounds {
             (position, from_world.transpose() * Vec3::NEG_Z, profile.reach())
         }
         PunctualLight::Point { position, .. } => (position, Vec3::Z, PI),
-        PunctualLight::Spot { position, direction, cos_outer, .. } => (position, direction, cos_outer.clamp(-1.0, 1.0).acos()),
-        PunctualLight::Directional { direction, .. } | PunctualLight::Disc { direction, .. } => (Vec3::ZERO, direction, 0.0),
+        PunctualLight::Spot { position, direction, cos_outer, .. } => {
+            (position, direction, cos_outer.clamp(-1.0, 1.0).acos())
+        }
+        PunctualLight::Directional { direction, .. } | PunctualLight::Disc { direction, .. } => {
+            (Vec3::ZERO, direction, 0.0)
+        }
     };
-    LightBounds { bounds: Aabb { min: position, max: position }, axis, theta_o, intensity: super::weight(light.strength()) }
+    LightBounds {
+        bounds: Aabb { min: position, max: position },
+        axis,
+        theta_o,
+        intensity: super::weight(light.strength()),
+    }
 }
 
 fn union(items: &[(LightBounds, Pick)]) -> Option<LightBounds> {
@@ -365,8 +422,8 @@ fn cut(items: &mut [(LightBounds, Pick)], depth: u32) -> [&mut [(LightBounds, Pi
     [left, right]
 }
 
-/// Orders the items so that a good split lies at the returned index: the surface area orientation heuristic over bins along each axis [Conty18,
-/// Sec. 4]. `None` where all items lie at one place.
+/// Orders the items so that a good split lies at the returned index: the surface area orientation
+/// heuristic over bins along each axis [Conty18, Sec. 4]. `None` where all items lie at one place.
 fn partition(items: &mut [(LightBounds, Pick)]) -> Option<usize> {
     let all = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.union(l.bounds));
     let centers = items.iter().fold(Aabb::EMPTY, |b, (l, _)| b.with(l.bounds.center()));
@@ -408,7 +465,8 @@ fn partition(items: &mut [(LightBounds, Pick)]) -> Option<usize> {
 }
 
 fn bin_of(light: &LightBounds, centers: &Aabb, axis: usize) -> usize {
-    let position = (light.bounds.center()[axis] - centers.min[axis]) / (centers.max[axis] - centers.min[axis]);
+    let position =
+        (light.bounds.center()[axis] - centers.min[axis]) / (centers.max[axis] - centers.min[axis]);
     ((position * BINS as f32) as usize).min(BINS - 1)
 }
 

@@ -1,13 +1,16 @@
-//! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate of the light that it sends to a point.
+//! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate
+//! of the light that it sends to a point.
 
 use super::lanes::{LANES, Vec3x4, sin_cos};
 use super::{Emitter, polygon_irradiance, weight};
 use crate::geometry::Geometry;
 use crate::math::{Color, Vec2, Vec3, Vec4};
 
-/// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform sampling of the area is as good.
+/// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform
+/// sampling of the area is as good.
 const MIN_SOLID_ANGLE: f32 = 1e-4;
-/// Above this one the receiver all but touches the triangle and the vertices' directions are nearly coplanar.
+/// Above this one the receiver all but touches the triangle and the vertices' directions are nearly
+/// coplanar.
 const MAX_SOLID_ANGLE: f32 = 6.27;
 
 /// An emissive triangle in world space, ready for sampling.
@@ -48,7 +51,12 @@ impl TrianglePoints {
     pub fn get(&self, i: usize) -> Option<TrianglePoint> {
         let (distance, pdf) = (self.distance[i], self.pdf[i]);
         let usable = distance > 0.0 && pdf > 0.0 && pdf.is_finite();
-        usable.then(|| TrianglePoint { wi: self.wi.lane(i), distance, pdf, barycentric: self.barycentric.map(|b| b[i]) })
+        usable.then(|| TrianglePoint {
+            wi: self.wi.lane(i),
+            distance,
+            pdf,
+            barycentric: self.barycentric.map(|b| b[i]),
+        })
     }
 }
 
@@ -69,8 +77,10 @@ impl TriangleLight {
     pub(super) fn new(geometry: &Geometry, emitter: Emitter) -> Self {
         let [a, b, c] = geometry.triangle(emitter.instance, emitter.triangle);
         let edges = [b - a, c - a];
-        let mirrored = geometry.instances[emitter.instance as usize].to_world.matrix3.determinant() < 0.0;
-        let longest_squared = edges[0].length_squared().max(edges[1].length_squared()).max((c - b).length_squared());
+        let mirrored =
+            geometry.instances[emitter.instance as usize].to_world.matrix3.determinant() < 0.0;
+        let longest_squared =
+            edges[0].length_squared().max(edges[1].length_squared()).max((c - b).length_squared());
         Self {
             corner: a,
             edges,
@@ -108,7 +118,8 @@ impl TriangleLight {
         self.emitter.radiance * (std::f32::consts::PI * faces * self.area())
     }
 
-    /// A point uniform over the area for `u` in [0, 1)²: the weights of the mesh's second and third vertex, and its position.
+    /// A point uniform over the area for `u` in [0, 1)²: the weights of the mesh's second and third
+    /// vertex, and its position.
     pub(super) fn point(&self, u: Vec2) -> ([f32; 2], Vec3) {
         let root = u.x.sqrt();
         let (beta, gamma) = (root * (1.0 - u.y), root * u.y);
@@ -121,12 +132,14 @@ impl TriangleLight {
         self.weight * self.area()
     }
 
-    /// Irradiance at `p` on a surface with unit normal `n`, per unit radiance and without occlusion; 0 where no emitting face is seen.
+    /// Irradiance at `p` on a surface with unit normal `n`, per unit radiance and without
+    /// occlusion; 0 where no emitting face is seen.
     pub fn irradiance(&self, p: Vec3, n: Vec3) -> f32 {
         if self.volume(p) > 0.0 { polygon_irradiance(&self.corners(), p, n) } else { 0.0 }
     }
 
-    /// Six times the volume of the tetrahedron of receiver and triangle, positive only where the triangle emits.
+    /// Six times the volume of the tetrahedron of receiver and triangle, positive only where the
+    /// triangle emits.
     fn volume(&self, p: Vec3) -> f32 {
         let signed = self.cross.dot(p - self.corner);
         if self.emitter.double_sided { signed.abs() } else { signed }
@@ -140,7 +153,8 @@ impl TriangleLight {
     /// tan(Ω/2) = |a·(b×c)| / (1 + a·b + b·c + c·a)          [VanOosterom83, Eq. 8]
     /// ```
     ///
-    /// with unit vectors to the corners, the triple product taken from the plane's distance, where it does not cancel.
+    /// with unit vectors to the corners, the triple product taken from the plane's distance, where
+    /// it does not cancel.
     pub(super) fn view(&self, p: Vec3) -> Option<View<'_>> {
         let volume = self.volume(p);
         if volume.is_nan() || volume <= 0.0 {
@@ -155,8 +169,9 @@ impl TriangleLight {
         Some(View { light: self, corner, directions, volume, solid_angle })
     }
 
-    /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a normal) by which the light is chosen where `p` is
-    /// close: the solid angle times the mean cosine. Zero if the triangle cannot light the receiver.
+    /// The irradiance at `p` on a surface with normal `n` (solid angle times radiance without a
+    /// normal) by which the light is chosen where `p` is close: the solid angle times the mean
+    /// cosine. Zero if the triangle cannot light the receiver.
     pub(super) fn near_importance(&self, p: Vec3, n: Option<Vec3>) -> f32 {
         let Some(view) = self.view(p) else { return 0.0 };
         let [a, b, c] = view.directions;
@@ -168,19 +183,29 @@ impl TriangleLight {
         self.weight * view.solid_angle * n.map_or(1.0, cosine)
     }
 
-    /// Density per steradian with which [`View::sample`] chooses a direction that meets the triangle at `distance`.
+    /// Density per steradian with which [`View::sample`] chooses a direction that meets the
+    /// triangle at `distance`.
     pub(super) fn pdf(&self, p: Vec3, distance: f32) -> f32 {
         self.view(p).map_or(0.0, |view| view.pdf(distance)).min(f32::MAX)
     }
 }
 
 impl View<'_> {
-    /// Four directions to the triangle, uniform in solid angle (in area where the solid angle is very small or nearly a hemisphere).
+    /// Four directions to the triangle, uniform in solid angle (in area where the solid angle is
+    /// very small or nearly a hemisphere).
     pub fn sample(&self, u: [Vec2; LANES]) -> TrianglePoints {
         let by_solid_angle = samples_by_solid_angle(self.solid_angle);
-        let ([beta, gamma], light) =
-            (if by_solid_angle { self.intersect(self.sample_directions(u)) } else { squares_to_triangle(u) }, self.light);
-        let to_light = Vec3x4::splat(self.corner) + Vec3x4::splat(light.edges[0]) * beta + Vec3x4::splat(light.edges[1]) * gamma;
+        let ([beta, gamma], light) = (
+            if by_solid_angle {
+                self.intersect(self.sample_directions(u))
+            } else {
+                squares_to_triangle(u)
+            },
+            self.light,
+        );
+        let to_light = Vec3x4::splat(self.corner)
+            + Vec3x4::splat(light.edges[0]) * beta
+            + Vec3x4::splat(light.edges[1]) * gamma;
         let squared = to_light.dot(to_light);
         let inverse = squared.sqrt().recip();
         let distance = squared * inverse;
@@ -193,7 +218,8 @@ impl View<'_> {
         TrianglePoints { wi: to_light * inverse, distance, pdf, barycentric }
     }
 
-    /// Weights of the second and third corner where directions from the receiver meet the plane, pulled into the triangle [Moeller97, Sec. 2].
+    /// Weights of the second and third corner where directions from the receiver meet the plane,
+    /// pulled into the triangle [Moeller97, Sec. 2].
     fn intersect(&self, directions: Vec3x4) -> [Vec4; 2] {
         let [e1, e2] = self.light.edges;
         let scale = directions.dot(Vec3x4::splat(self.light.cross)).recip();
@@ -214,11 +240,13 @@ impl View<'_> {
         }
     }
 
-    /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the arc from B to a point C' of the side AC, so
-    /// that the triangle ABC' has the fraction `u.x` of the area, and `u.y` the place on the arc [Arvo95, pp. 437-438].
+    /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the
+    /// arc from B to a point C' of the side AC, so that the triangle ABC' has the fraction
+    /// `u.x` of the area, and `u.y` the place on the arc [Arvo95, pp. 437-438].
     ///
-    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' = A cosφ + T sinφ and τ = tan(φ/2), the formula
-    /// for the solid angle Ω' of ABC' becomes linear in τ:
+    /// C' is found without the angles of the triangle. With T the unit tangent at A towards C, C' =
+    /// A cosφ + T sinφ and τ = tan(φ/2), the formula for the solid angle Ω' of ABC' becomes
+    /// linear in τ:
     ///
     /// ```text
     /// tan(Ω'/2) = τ |A·(B×T)| / (1 + A·B + τ B·T)
@@ -232,10 +260,11 @@ impl View<'_> {
         let (ux, uy) = (Vec4::from_array(u.map(|u| u.x)), Vec4::from_array(u.map(|u| u.y)));
         let (sin, cos) = sin_cos(ux * (0.5 * self.solid_angle));
         let rise = sin * (0.5 * (a + b).length_squared());
-        let run = (cos * a.cross(b).dot(tangent).abs() - sin * b.dot(tangent)).max(Vec4::splat(1e-12));
+        let run =
+            (cos * a.cross(b).dot(tangent).abs() - sin * b.dot(tangent)).max(Vec4::splat(1e-12));
         let scale = (run * run + rise * rise).recip();
-        let on_side =
-            Vec3x4::splat(a) * ((run * run - rise * rise) * scale) + Vec3x4::splat(tangent) * (run * rise * scale * 2.0);
+        let on_side = Vec3x4::splat(a) * ((run * run - rise * rise) * scale)
+            + Vec3x4::splat(tangent) * (run * rise * scale * 2.0);
 
         // The versine 1 - cos of the arc BC', without cancellation.
         let b = Vec3x4::splat(b);
@@ -243,7 +272,8 @@ impl View<'_> {
         let versine = chord.dot(chord) * 0.5;
         let step = uy * versine;
         let two = Vec4::splat(2.0);
-        let across = (uy * (two - step) / (two - versine).max(Vec4::splat(f32::MIN_POSITIVE))).sqrt();
+        let across =
+            (uy * (two - step) / (two - versine).max(Vec4::splat(f32::MIN_POSITIVE))).sqrt();
         b * (Vec4::ONE - step) + (chord + b * versine) * across
     }
 }
@@ -254,7 +284,12 @@ fn samples_by_solid_angle(solid_angle: f32) -> bool {
 
 /// Uniform weights of the second and third corner; keeps strata compact [Heitz19, pp. 1-2].
 fn squares_to_triangle(u: [Vec2; LANES]) -> [Vec4; 2] {
-    let weights =
-        u.map(|u| if u.y > u.x { Vec2::new(0.5 * u.x, u.y - 0.5 * u.x) } else { Vec2::new(u.x - 0.5 * u.y, 0.5 * u.y) });
+    let weights = u.map(|u| {
+        if u.y > u.x {
+            Vec2::new(0.5 * u.x, u.y - 0.5 * u.x)
+        } else {
+            Vec2::new(u.x - 0.5 * u.y, 0.5 * u.y)
+        }
+    });
     [Vec4::from_array(weights.map(|w| w.x)), Vec4::from_array(weights.map(|w| w.y))]
 }

@@ -1,4 +1,5 @@
-//! The BSDF of one surface point: evaluation, sampling and densities of everything but emission and alpha.
+//! The BSDF of one surface point: evaluation, sampling and densities of everything but emission and
+//! alpha.
 
 use super::NativeBrdf;
 use super::layered::{GgxLobe, Layered};
@@ -22,8 +23,8 @@ pub enum Lobe {
 pub struct BsdfSample {
     /// Unit direction, local frame, away from the surface.
     pub wi: Vec3,
-    /// `f(wo, wi) |cosθ_i| / pdf` with all lobes of finite width in both `f` and `pdf`; for a delta lobe its share of the light over the
-    /// probability of choosing it.
+    /// `f(wo, wi) |cosθ_i| / pdf` with all lobes of finite width in both `f` and `pdf`; for a
+    /// delta lobe its share of the light over the probability of choosing it.
     pub weight: Color,
     /// Density per steradian; infinite for a delta direction.
     pub pdf: f32,
@@ -31,26 +32,31 @@ pub struct BsdfSample {
     pub lobe: Lobe,
     /// True if `wi` is on the other side of the surface.
     pub transmitted: bool,
-    /// Index of refraction of the far side over that of `wo`'s side if the light was refracted, else 1. Radiance was scaled by `1/eta²`:
-    /// Russian roulette should look at the throughput times the product of `eta²`.
+    /// Index of refraction of the far side over that of `wo`'s side if the light was refracted,
+    /// else 1. Radiance was scaled by `1/eta²`: Russian roulette should look at the throughput
+    /// times the product of `eta²`.
     pub eta: f32,
 }
 
 /// The BSDF of one surface point in its local frame: z is the shading normal on the side of `wo`.
 ///
-/// `f` excludes the cosine; all directions are unit vectors that point away from the surface. The diffuse lobe is Lambertian in `wi`:
+/// `f` excludes the cosine; all directions are unit vectors that point away from the surface. The
+/// diffuse lobe is Lambertian in `wi`:
 ///
 /// ```text
 /// f(wo, wi) = diffuse_albedo(wo)/π + f_glossy(wo, wi)   for wi above the surface
 /// ```
 ///
-/// so that its outgoing radiance is `diffuse_albedo(wo)/π · E` for any incident light, which is what the irradiance cache interpolates. The
-/// price: light enters the diffuse layer through the layers above it without loss and is attenuated on its way to `wo` alone. Energy is
-/// conserved, but where there is a specular layer or a coat, `f(wo, wi) = f(wi, wo)` does not hold for the diffuse lobe, nor, for the same
-/// reason, for whatever lies below a coat, nor for the compensation of multiple scattering, which depends on `wo` alone [Turquin19].
-/// Algorithms that carry importance must evaluate `f` with its arguments in the order of the light.
+/// so that its outgoing radiance is `diffuse_albedo(wo)/π · E` for any incident light, which is
+/// what the irradiance cache interpolates. The price: light enters the diffuse layer through the
+/// layers above it without loss and is attenuated on its way to `wo` alone. Energy is conserved,
+/// but where there is a specular layer or a coat, `f(wo, wi) = f(wi, wo)` does not hold for the
+/// diffuse lobe, nor, for the same reason, for whatever lies below a coat, nor for the compensation
+/// of multiple scattering, which depends on `wo` alone [Turquin19]. Algorithms that carry
+/// importance must evaluate `f` with its arguments in the order of the light.
 ///
-/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface, as seen from there; others are black from below.
+/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface, as seen
+/// from there; others are black from below.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bsdf(Model);
 
@@ -83,13 +89,19 @@ impl Bsdf {
 
     /// glTF's layers; the plain models where they suffice.
     pub(super) fn layered(layers: Layered) -> Self {
-        if layers.is_lambert() { Self::lambert(layers.diffuse) } else { Self(Model::Layered(layers)) }
+        if layers.is_lambert() {
+            Self::lambert(layers.diffuse)
+        } else {
+            Self(Model::Layered(layers))
+        }
     }
 
-    /// Albedo of the diffuse lobe as seen from `wo`: its radiance towards `wo` is `diffuse_albedo(wo)/π · E`, E the irradiance.
+    /// Albedo of the diffuse lobe as seen from `wo`: its radiance towards `wo` is
+    /// `diffuse_albedo(wo)/π · E`, E the irradiance.
     ///
-    /// The base albedo times the light that the layers above let through, `(1 - E_coat(wo)) (1 - E_specular(wo))`, with E the directional
-    /// albedos of those layers, multiple scattering included.
+    /// The base albedo times the light that the layers above let through, `(1 - E_coat(wo)) (1 -
+    /// E_specular(wo))`, with E the directional albedos of those layers, multiple scattering
+    /// included.
     #[inline]
     pub fn diffuse_albedo(&self, wo: Vec3) -> Color {
         match &self.0 {
@@ -118,7 +130,8 @@ impl Bsdf {
         self.f_pdf(wo, wi).1
     }
 
-    /// Density per steradian with which [`Bsdf::sample_glossy`] draws `wi`, delta directions left out.
+    /// Density per steradian with which [`Bsdf::sample_glossy`] draws `wi`, delta directions left
+    /// out.
     #[inline]
     pub fn pdf_glossy(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.f_pdf_glossy(wo, wi).1
@@ -147,13 +160,16 @@ impl Bsdf {
     fn evaluate(&self, wo: Vec3, wi: Vec3, diffuse: bool) -> (Color, f32) {
         match &self.0 {
             Model::Layered(l) if wo.z > 0.0 => l.view(wo, diffuse).f_pdf(wo, wi),
-            Model::Layered(l) if wo.z < 0.0 && l.transmits() => l.flipped().view(flip(wo), diffuse).f_pdf(flip(wo), flip(wi)),
+            Model::Layered(l) if wo.z < 0.0 && l.transmits() => {
+                l.flipped().view(flip(wo), diffuse).f_pdf(flip(wo), flip(wi))
+            }
             Model::Native(b) if wo.z > 0.0 && wi.z > 0.0 => b.f_pdf(wo, wi, diffuse),
             _ => (Color::ZERO, 0.0),
         }
     }
 
-    /// Draws a direction in proportion to all lobes, or `None` where the model reflects nothing or the draw fell out of its domain.
+    /// Draws a direction in proportion to all lobes, or `None` where the model reflects nothing or
+    /// the draw fell out of its domain.
     ///
     /// * `lobe_u`: chooses the lobe, uniform in [0, 1).
     /// * `u`: chooses the direction, uniform in [0, 1)².
@@ -198,10 +214,11 @@ impl Bsdf {
         }
     }
 
-    /// Share of the light from a uniform surrounding that goes towards `wo`, by all lobes; refraction counts without its factor `1/η²`.
+    /// Share of the light from a uniform surrounding that goes towards `wo`, by all lobes;
+    /// refraction counts without its factor `1/η²`.
     ///
-    /// For the albedo channel. Exact up to the tables for the layered model (rough glass: with the reflectance of the mean normal); a
-    /// 16-point quadrature for the papers' lobes.
+    /// For the albedo channel. Exact up to the tables for the layered model (rough glass: with the
+    /// reflectance of the mean normal); a 16-point quadrature for the papers' lobes.
     pub fn albedo(&self, wo: Vec3) -> Color {
         match &self.0 {
             Model::Black => Color::ZERO,
@@ -221,7 +238,8 @@ impl Bsdf {
         }
     }
 
-    /// True if there is any lobe besides the diffuse one, delta lobes included: [`Bsdf::sample_glossy`] can return a direction.
+    /// True if there is any lobe besides the diffuse one, delta lobes included:
+    /// [`Bsdf::sample_glossy`] can return a direction.
     pub fn has_glossy(&self) -> bool {
         match &self.0 {
             Model::Black | Model::Lambert(_) => false,
@@ -230,7 +248,8 @@ impl Bsdf {
         }
     }
 
-    /// True if all lobes are delta lobes: `f` and `pdf` are zero everywhere and light sampling is in vain.
+    /// True if all lobes are delta lobes: `f` and `pdf` are zero everywhere and light sampling is
+    /// in vain.
     pub fn is_delta_only(&self) -> bool {
         match &self.0 {
             Model::Layered(l) => l.is_delta_only(),
@@ -243,7 +262,9 @@ impl Bsdf {
         matches!(&self.0, Model::Layered(l) if l.transmits())
     }
 
-    /// The derivative of `ln f_glossy(wo, wi)` by wo where that is a Phong lobe, `s r/(r·wo)` with r the mirror image of `wi` [Zhao, Eq. 3.45, divided by f and with the exponent s - 1 that is missing there]; the part along wo is to be left out.
+    /// The derivative of `ln f_glossy(wo, wi)` by wo where that is a Phong lobe, `s r/(r·wo)` with
+    /// r the mirror image of `wi` [Zhao, Eq. 3.45, divided by f and with the exponent s - 1 that is
+    /// missing there]; the part along wo is to be left out.
     pub(crate) fn logarithmic_slope(&self, wo: Vec3, wi: Vec3) -> Option<Vec3> {
         let NativeBrdf::Phong { exponent, .. } = self.native_brdf()? else { return None };
         let mirrored = Vec3::new(-wi.x, -wi.y, wi.z);
@@ -259,7 +280,8 @@ impl Bsdf {
         }
     }
 
-    /// The reflecting lobes of the layered model towards `wo`; `None` where it has delta lobes or transmits, or is not that model.
+    /// The reflecting lobes of the layered model towards `wo`; `None` where it has delta lobes or
+    /// transmits, or is not that model.
     pub(super) fn ggx_lobes(&self, wo: Vec3) -> Option<[GgxLobe; 2]> {
         match &self.0 {
             Model::Layered(l) => l.ggx_lobes(wo),
@@ -267,7 +289,8 @@ impl Bsdf {
         }
     }
 
-    /// Width of the sharpest lobe besides the diffuse one as a GGX α: 0 for a delta lobe, 1 if there is none.
+    /// Width of the sharpest lobe besides the diffuse one as a GGX α: 0 for a delta lobe, 1 if
+    /// there is none.
     pub fn roughness(&self) -> f32 {
         match &self.0 {
             Model::Black | Model::Lambert(_) => 1.0,

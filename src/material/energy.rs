@@ -1,9 +1,13 @@
-//! Directional albedo of single-scattering GGX surfaces: how much of the light the microfacet model loses to multiple scattering, and how
-//! much of it a layer leaves to the ones below.
+//! Directional albedo of single-scattering GGX surfaces: how much of the light the microfacet model
+//! loses to multiple scattering, and how much of it a layer leaves to the ones below.
 //!
-//! The tables are integrated once per process, at first use, in a fixed order: same bits on every run.
+//! The tables are integrated once per process, at first use, in a fixed order: same bits on every
+//! run.
 
-use super::microfacet::{fresnel_dielectric, g1_over_cos, reflect, refract, sample_visible_normal, schlick_weight, visibility};
+use super::microfacet::{
+    fresnel_dielectric, g1_over_cos, reflect, refract, sample_visible_normal, schlick_weight,
+    visibility,
+};
 use crate::math::{Vec2, Vec3};
 use std::sync::LazyLock;
 
@@ -15,7 +19,8 @@ const REFLECTION_CELLS: (usize, usize) = (12, 24);
 const GLASS: (usize, usize, usize) = (24, 12, 12);
 /// Cells of its quadrature.
 const GLASS_CELLS: (usize, usize) = (8, 12);
-/// Largest `(η-1)/(η+1)` of the glass table, an index of 3; beyond it the value of the border is used.
+/// Largest `(η-1)/(η+1)` of the glass table, an index of 3; beyond it the value of the border is
+/// used.
 const GLASS_S: f32 = 0.5;
 
 static REFLECTION_TABLE: LazyLock<Vec<Vec2>> = LazyLock::new(|| {
@@ -23,7 +28,11 @@ static REFLECTION_TABLE: LazyLock<Vec<Vec2>> = LazyLock::new(|| {
     for j in 0..REFLECTION.1 {
         let alpha = node_alpha(j, REFLECTION.1);
         for i in 0..REFLECTION.0 {
-            table.push(integrate_reflection(node_cos(i, REFLECTION.0, alpha), alpha, REFLECTION_CELLS));
+            table.push(integrate_reflection(
+                node_cos(i, REFLECTION.0, alpha),
+                alpha,
+                REFLECTION_CELLS,
+            ));
         }
     }
     table
@@ -39,7 +48,12 @@ static GLASS_TABLE: LazyLock<[Vec<f32>; 2]> = LazyLock::new(|| {
             for j in 0..GLASS.1 {
                 let alpha = node_alpha(j, GLASS.1);
                 for i in 0..GLASS.0 {
-                    table.push(integrate_glass(node_cos(i, GLASS.0, alpha), alpha, eta, GLASS_CELLS));
+                    table.push(integrate_glass(
+                        node_cos(i, GLASS.0, alpha),
+                        alpha,
+                        eta,
+                        GLASS_CELLS,
+                    ));
                 }
             }
         }
@@ -47,13 +61,15 @@ static GLASS_TABLE: LazyLock<[Vec<f32>; 2]> = LazyLock::new(|| {
     })
 });
 
-/// Directional albedo of a GGX reflector with height-correlated Smith shadowing and no multiple scattering:
+/// Directional albedo of a GGX reflector with height-correlated Smith shadowing and no multiple
+/// scattering:
 ///
 /// ```text
 /// ∫ f cosθ_i dω_i = F0·a + F90·b   for   F = F0 + (F90 - F0)(1 - cosθ_h)⁵
 /// ```
 ///
-/// Returns `(a, b)`; `a + b` is the albedo E(cosθ_o, α) of a perfect reflector. `cos` in [0, 1], `alpha` in (0, 1].
+/// Returns `(a, b)`; `a + b` is the albedo E(cosθ_o, α) of a perfect reflector. `cos` in [0, 1],
+/// `alpha` in (0, 1].
 #[inline]
 pub(super) fn reflection_albedo(cos: f32, alpha: f32) -> (f32, f32) {
     let table = &*REFLECTION_TABLE;
@@ -64,8 +80,8 @@ pub(super) fn reflection_albedo(cos: f32, alpha: f32) -> (f32, f32) {
     (v.x, v.y)
 }
 
-/// Share of the light that a rough boundary between clear dielectrics reflects or transmits after one scattering, the rest being lost in the
-/// model. `eta` as in [`fresnel_dielectric`].
+/// Share of the light that a rough boundary between clear dielectrics reflects or transmits after
+/// one scattering, the rest being lost in the model. `eta` as in [`fresnel_dielectric`].
 pub(super) fn glass_albedo(cos: f32, alpha: f32, eta: f32) -> f32 {
     let table = &GLASS_TABLE[usize::from(eta < 1.0)];
     let ior = eta.max(1.0 / eta);
@@ -80,14 +96,16 @@ pub(super) fn glass_albedo(cos: f32, alpha: f32, eta: f32) -> f32 {
     plane(k) + (plane(k + 1) - plane(k)) * z
 }
 
-/// The view angle's coordinate in [0, 1]. Shadowing depends on `cosθ/α` near the horizon and Fresnel reflectance on `cosθ`, so half of the nodes
-/// are even in a function of the one and half in the other.
+/// The view angle's coordinate in [0, 1]. Shadowing depends on `cosθ/α` near the horizon and
+/// Fresnel reflectance on `cosθ`, so half of the nodes are even in a function of the one and half
+/// in the other.
 #[inline]
 fn cos_coordinate(cos: f32, alpha: f32) -> f32 {
     (0.5 * (cos * (1.0 + alpha) / (cos + alpha) + cos)).sqrt()
 }
 
-/// The cosine at a node: the inverse of [`cos_coordinate`], the root of `c² + (1 + 2α - 2t) c - 2αt`.
+/// The cosine at a node: the inverse of [`cos_coordinate`], the root of `c² + (1 + 2α - 2t) c -
+/// 2αt`.
 fn node_cos(i: usize, count: usize, alpha: f32) -> f32 {
     let (t, alpha) = ((i as f64 / (count - 1) as f64).powi(2), f64::from(alpha));
     let b = 0.5 + alpha - t;
@@ -110,9 +128,15 @@ fn cell(t: f32, count: usize) -> (usize, f32) {
     (i, x - i as f32)
 }
 
-/// The mean of `value` over visible normals `h` at `cos`: midpoints of `nx` by `ny` cells of the half square that [`sample_visible_normal`] maps
-/// to `h_y > 0` (the rest is symmetric), narrower towards the steep normals where shadowing sets in.
-fn mean_over_visible_normals(cos: f32, alpha: f32, (nx, ny): (usize, usize), value: impl Fn(Vec3, Vec3) -> Vec2) -> Vec2 {
+/// The mean of `value` over visible normals `h` at `cos`: midpoints of `nx` by `ny` cells of the
+/// half square that [`sample_visible_normal`] maps to `h_y > 0` (the rest is symmetric), narrower
+/// towards the steep normals where shadowing sets in.
+fn mean_over_visible_normals(
+    cos: f32,
+    alpha: f32,
+    (nx, ny): (usize, usize),
+    value: impl Fn(Vec3, Vec3) -> Vec2,
+) -> Vec2 {
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = Vec2::ZERO;
     for j in 0..ny {
@@ -128,7 +152,11 @@ fn mean_over_visible_normals(cos: f32, alpha: f32, (nx, ny): (usize, usize), val
 
 /// `G2/G1`, what arrives of the light that a visible normal sends towards `cos_i`.
 fn escaping(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
-    if cos_i > 0.0 { 4.0 * visibility(cos_o, cos_i, alpha) * cos_i / g1_over_cos(cos_o, alpha) } else { 0.0 }
+    if cos_i > 0.0 {
+        4.0 * visibility(cos_o, cos_i, alpha) * cos_i / g1_over_cos(cos_o, alpha)
+    } else {
+        0.0
+    }
 }
 
 /// `(a, b)` of [`reflection_albedo`].
@@ -177,7 +205,11 @@ mod tests {
                 let alpha = (0.032 + (1.0 - 0.032) * (a as f32 + 0.37) / 12.0f32).powi(2);
                 for c in 0..30 {
                     let cos = ((c as f32 + 0.41) / 30.0f32).powi(2);
-                    worst = worst.max((glass_albedo(cos, alpha, eta) - integrate_glass(cos, alpha, eta, (32, 96))).abs());
+                    worst = worst.max(
+                        (glass_albedo(cos, alpha, eta)
+                            - integrate_glass(cos, alpha, eta, (32, 96)))
+                        .abs(),
+                    );
                 }
             }
         }
@@ -186,7 +218,8 @@ mod tests {
 
     #[test]
     fn average_albedo_at_alpha_0_3() {
-        // 2 ∫ E cosθ dcosθ: single scattering loses 15 % of the light that a perfect reflector of α = 0.3 receives from a uniform surrounding.
+        // 2 ∫ E cosθ dcosθ: single scattering loses 15 % of the light that a perfect reflector of α
+        // = 0.3 receives from a uniform surrounding.
         let n = 2000;
         let average: f32 = (0..n)
             .map(|i| {

@@ -1,14 +1,17 @@
-//! glTF's metallic-roughness model with specular, transmission and clearcoat as a stack of lobes that conserves energy.
+//! glTF's metallic-roughness model with specular, transmission and clearcoat as a stack of lobes
+//! that conserves energy.
 //!
-//! From the top: a coat, a microfacet reflector (metal and dielectric share it), and below it Lambert reflection and transmission, thin or
-//! solid [glTF20, Appendix B]. Where glTF leaves the coupling to the implementation it is done with directional albedos E(wo): what a layer
-//! reflects, multiple scattering included, is missing below, so a white stack reflects exactly what it receives.
+//! From the top: a coat, a microfacet reflector (metal and dielectric share it), and below it
+//! Lambert reflection and transmission, thin or solid [glTF20, Appendix B]. Where glTF leaves the
+//! coupling to the implementation it is done with directional albedos E(wo): what a layer reflects,
+//! multiple scattering included, is missing below, so a white stack reflects exactly what it
+//! receives.
 
 use super::bsdf::{BsdfSample, Lobe, mean};
 use super::energy::{glass_albedo, reflection_albedo};
 use super::microfacet::{
-    DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract, sample_visible_normal, schlick_weight,
-    visibility, visible_normal_pdf,
+    DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract,
+    sample_visible_normal, schlick_weight, visibility, visible_normal_pdf,
 };
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
@@ -25,19 +28,22 @@ pub(super) struct Layered {
     pub f0: Color,
     /// Its reflectance at grazing incidence.
     pub f90: f32,
-    /// Factors of the relative loss by which multiple scattering adds to `f0`: the squared reflectances of metal and dielectric, blended.
+    /// Factors of the relative loss by which multiple scattering adds to `f0`: the squared
+    /// reflectances of metal and dielectric, blended.
     pub again0: Color,
     /// The same for `f90`: their products of F0 and F90.
     pub again90: Color,
     /// GGX roughness of reflector and transmission.
     pub alpha: f32,
-    /// Reflectance (F0, F90) of the dielectric that covers the Lambert lobe and thin transmission, the largest channel.
+    /// Reflectance (F0, F90) of the dielectric that covers the Lambert lobe and thin transmission,
+    /// the largest channel.
     pub cover: Vec2,
     /// Weight and tint of transmitted light.
     pub transmit: Color,
     /// Index of refraction of the far side over the near side for a solid, 0 for a thin sheet.
     pub eta: f32,
-    /// Share of the surface that is a boundary of a solid: it has its own, exact Fresnel reflection.
+    /// Share of the surface that is a boundary of a solid: it has its own, exact Fresnel
+    /// reflection.
     pub solid: f32,
     /// Strength and tint of that reflection.
     pub solid_specular: Color,
@@ -54,13 +60,16 @@ pub(super) struct View<'a> {
     layers: &'a Layered,
     /// Albedo of the Lambert lobe, zero if it was left out.
     diffuse: Color,
-    /// Reflectance of the reflector at normal incidence of the microfacet, with multiple scattering and the coat accounted for.
+    /// Reflectance of the reflector at normal incidence of the microfacet, with multiple
+    /// scattering and the coat accounted for.
     reflect0: Color,
     /// The same at grazing incidence.
     reflect90: Color,
-    /// Factor on transmission: the light that gets there over the albedo of its single-scattering lobe.
+    /// Factor on transmission: the light that gets there over the albedo of its single-scattering
+    /// lobe.
     transmit: f32,
-    /// Probabilities of Lambert, reflector, transmission and coat; all zero if nothing is reflected.
+    /// Probabilities of Lambert, reflector, transmission and coat; all zero if nothing is
+    /// reflected.
     pick: [f32; 4],
 }
 
@@ -76,9 +85,13 @@ pub(super) struct GgxLobe {
 }
 
 impl Layered {
-    /// The lobes of the reflector and of the coat towards `wo`, black where they are not there; `None` if there is any other lobe besides Lambert's, or if one of them is a delta lobe.
+    /// The lobes of the reflector and of the coat towards `wo`, black where they are not there;
+    /// `None` if there is any other lobe besides Lambert's, or if one of them is a delta lobe.
     pub fn ggx_lobes(&self, wo: Vec3) -> Option<[GgxLobe; 2]> {
-        if self.transmits() || (self.has_reflector() && self.is_smooth()) || (self.coat > 0.0 && self.coat_alpha < DELTA_ALPHA) {
+        if self.transmits()
+            || (self.has_reflector() && self.is_smooth())
+            || (self.coat > 0.0 && self.coat_alpha < DELTA_ALPHA)
+        {
             return None;
         }
         let view = self.view(wo, false);
@@ -108,7 +121,8 @@ impl Layered {
         self.solid > 0.0 || self.transmit != Color::ZERO
     }
 
-    /// True if reflector and transmission are too sharp to evaluate. A solid of the surrounding index bends nothing, however rough.
+    /// True if reflector and transmission are too sharp to evaluate. A solid of the surrounding
+    /// index bends nothing, however rough.
     fn is_smooth(&self) -> bool {
         self.alpha < DELTA_ALPHA
     }
@@ -173,8 +187,9 @@ impl Layered {
         if self.multiple_scattering { (1.0 - a - b) / (a + b) } else { 0.0 }
     }
 
-    /// Reflectances (F0, F90) of the reflector with what multiple scattering gives back. A lobe of single-scattering albedo E and reflectance
-    /// F = F0 + (F90 - F0)(1 - cosθ_h)⁵ becomes `F (1 + F0 (1 - E)/E)` [Turquin19], summed over metal and dielectric.
+    /// Reflectances (F0, F90) of the reflector with what multiple scattering gives back. A lobe of
+    /// single-scattering albedo E and reflectance F = F0 + (F90 - F0)(1 - cosθ_h)⁵ becomes `F
+    /// (1 + F0 (1 - E)/E)` [Turquin19], summed over metal and dielectric.
     #[inline]
     fn reflectances(&self, split: (f32, f32)) -> (Color, Color) {
         let loss = self.loss(split);
@@ -194,7 +209,9 @@ impl Layered {
     /// Albedo of the dielectric above the Lambert lobe, given its split.
     #[inline]
     fn cover_albedo(&self, split: (f32, f32)) -> f32 {
-        ((self.cover.x * split.0 + self.cover.y * split.1) * (1.0 + self.cover.x * self.loss(split))).min(1.0)
+        ((self.cover.x * split.0 + self.cover.y * split.1)
+            * (1.0 + self.cover.x * self.loss(split)))
+        .min(1.0)
     }
 
     /// Albedo of the Lambert lobe seen at `cos`.
@@ -228,7 +245,8 @@ impl Layered {
             let (r, t, _) = self.boundary(cos);
             (below_coat / single, mean(r + t) * below_coat)
         };
-        let mut pick = [mean(diffuse), mean(reflect0 * split.0 + reflect90 * split.1), transmitted, coat];
+        let mut pick =
+            [mean(diffuse), mean(reflect0 * split.0 + reflect90 * split.1), transmitted, coat];
         let total: f32 = pick.iter().sum();
         if total > 0.0 {
             pick = pick.map(|p| p / total);
@@ -236,10 +254,12 @@ impl Layered {
         View { layers: self, diffuse, reflect0, reflect90, transmit, pick }
     }
 
-    /// Reflectance and transmittance (without `1/η²`) of the solid's boundary at one microfacet, and the refracted cosine.
+    /// Reflectance and transmittance (without `1/η²`) of the solid's boundary at one microfacet,
+    /// and the refracted cosine.
     ///
-    /// The exact dielectric reflectance, scaled by `solid_specular` towards normal incidence and by nothing at grazing incidence and on total
-    /// reflection, as glTF's F0 and F90 behave; what is not reflected by the strongest channel is transmitted.
+    /// The exact dielectric reflectance, scaled by `solid_specular` towards normal incidence and by
+    /// nothing at grazing incidence and on total reflection, as glTF's F0 and F90 behave; what
+    /// is not reflected by the strongest channel is transmitted.
     #[inline]
     fn boundary(&self, cos: f32) -> (Color, Color, f32) {
         let (fresnel, cos_t) = fresnel_dielectric(cos.clamp(0.0, 1.0), self.eta);
@@ -278,7 +298,11 @@ impl View<'_> {
         if wi.z > 0.0 {
             self.f_pdf_reflected(wo, wi)
         } else if wi.z < 0.0 && self.pick[2] > 0.0 && !self.layers.transmits_smoothly() {
-            if self.layers.eta == 0.0 { self.f_pdf_thin(wo, wi) } else { self.f_pdf_refracted(wo, wi) }
+            if self.layers.eta == 0.0 {
+                self.f_pdf_thin(wo, wi)
+            } else {
+                self.f_pdf_refracted(wo, wi)
+            }
         } else {
             (Color::ZERO, 0.0)
         }
@@ -310,13 +334,17 @@ impl View<'_> {
         }
         if rough_coat {
             let d = ggx_d(h, l.coat_alpha);
-            f += l.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing) * d * visibility(wo.z, wi.z, l.coat_alpha);
+            f += l.coat
+                * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+                * d
+                * visibility(wo.z, wi.z, l.coat_alpha);
             pdf += self.pick[3] * 0.25 * d * g1_over_cos(wo.z, l.coat_alpha);
         }
         (f, pdf)
     }
 
-    /// A thin sheet passes the mirror image of what it would reflect: no bending, but the blur of its roughness.
+    /// A thin sheet passes the mirror image of what it would reflect: no bending, but the blur of
+    /// its roughness.
     fn f_pdf_thin(&self, wo: Vec3, wi: Vec3) -> (Color, f32) {
         let l = self.layers;
         let d = ggx_d((wo + flip(wi)).normalize_or(Vec3::Z), l.alpha);
@@ -337,8 +365,16 @@ impl View<'_> {
         let root = cos_h / l.eta - cos_t;
         let jacobian = cos_t / (root * root).max(1e-12);
         let d = ggx_d(h, l.alpha);
-        let f = t * (self.transmit * 4.0 * d * visibility(wo.z, -wi.z, l.alpha) * cos_h * jacobian / (l.eta * l.eta));
-        (f, self.pick[2] * (1.0 - reflect_share(r, t)) * visible_normal_pdf(wo, h, l.alpha) * jacobian)
+        let f = t
+            * (self.transmit * 4.0 * d * visibility(wo.z, -wi.z, l.alpha) * cos_h * jacobian
+                / (l.eta * l.eta));
+        (
+            f,
+            self.pick[2]
+                * (1.0 - reflect_share(r, t))
+                * visible_normal_pdf(wo, h, l.alpha)
+                * jacobian,
+        )
     }
 
     /// Draws a lobe and from it a direction; arguments as in [`super::Bsdf::sample`].
@@ -373,7 +409,8 @@ impl View<'_> {
         }
     }
 
-    /// Reflects or refracts at the boundary of a solid; `p` is the probability of having come here, `x` chooses.
+    /// Reflects or refracts at the boundary of a solid; `p` is the probability of having come here,
+    /// `x` chooses.
     fn sample_solid(&self, wo: Vec3, x: f32, p: f32, u: Vec2) -> Option<BsdfSample> {
         let l = self.layers;
         let smooth = l.transmits_smoothly();
@@ -415,5 +452,12 @@ impl View<'_> {
 
 /// A sample of a delta lobe.
 fn delta(wi: Vec3, weight: Color, eta: f32) -> Option<BsdfSample> {
-    Some(BsdfSample { wi, weight, pdf: f32::INFINITY, lobe: Lobe::Delta, transmitted: wi.z < 0.0, eta })
+    Some(BsdfSample {
+        wi,
+        weight,
+        pdf: f32::INFINITY,
+        lobe: Lobe::Delta,
+        transmitted: wi.z < 0.0,
+        eta,
+    })
 }

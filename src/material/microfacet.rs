@@ -1,10 +1,13 @@
-//! The GGX microfacet distribution with height-correlated Smith shadowing, Fresnel reflectance, and the warps they need.
+//! The GGX microfacet distribution with height-correlated Smith shadowing, Fresnel reflectance, and
+//! the warps they need.
 //!
-//! Everything is in the local shading frame, z the normal. α is the isotropic GGX roughness, the square of glTF's perceptual one.
+//! Everything is in the local shading frame, z the normal. α is the isotropic GGX roughness, the
+//! square of glTF's perceptual one.
 
 use crate::math::{INV_PI, PI, Vec2, Vec3};
 
-/// Below this α a lobe is treated as a perfect mirror: single precision no longer resolves it, and no pixel does.
+/// Below this α a lobe is treated as a perfect mirror: single precision no longer resolves it, and
+/// no pixel does.
 pub(super) const DELTA_ALPHA: f32 = 1e-3;
 
 /// `v` mirrored at the plane whose normal is the unit vector `axis`: `2 (v·axis) axis - v`.
@@ -49,19 +52,22 @@ pub(super) fn g1_over_cos(cos: f32, alpha: f32) -> f32 {
     2.0 / (cos + smith_root(cos, alpha)).max(1e-12)
 }
 
-/// `G2 / (4 cosθ_o cosθ_i)` with the height-correlated `G2 = 1/(1 + Λ_o + Λ_i)` [Heitz14, Eq. 99]; both cosines positive.
+/// `G2 / (4 cosθ_o cosθ_i)` with the height-correlated `G2 = 1/(1 + Λ_o + Λ_i)` [Heitz14, Eq. 99];
+/// both cosines positive.
 #[inline]
 pub(super) fn visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     0.5 / (cos_o * smith_root(cos_i, alpha) + cos_i * smith_root(cos_o, alpha)).max(1e-12)
 }
 
-/// Density per steradian of the microfacet normal `h` that [`sample_visible_normal`] draws: `G1(wo) (wo·h) D(h) / wo_z` [Heitz18].
+/// Density per steradian of the microfacet normal `h` that [`sample_visible_normal`] draws: `G1(wo)
+/// (wo·h) D(h) / wo_z` [Heitz18].
 #[inline]
 pub(super) fn visible_normal_pdf(wo: Vec3, h: Vec3, alpha: f32) -> f32 {
     g1_over_cos(wo.z, alpha) * wo.dot(h).max(0.0) * ggx_d(h, alpha)
 }
 
-/// Draws a microfacet normal in proportion to its area as seen from `wo` (`wo_z ≥ 0`), by the spherical cap of [Dupuy23].
+/// Draws a microfacet normal in proportion to its area as seen from `wo` (`wo_z ≥ 0`), by the
+/// spherical cap of [Dupuy23].
 #[inline]
 pub(super) fn sample_visible_normal(wo: Vec3, alpha: f32, u: Vec2) -> Vec3 {
     let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize_or(Vec3::Z);
@@ -80,12 +86,14 @@ pub(super) fn schlick_weight(cos: f32) -> f32 {
     m2 * m2 * m
 }
 
-/// Unpolarised reflectance of a smooth boundary between dielectrics, and the cosine of the refracted direction.
+/// Unpolarised reflectance of a smooth boundary between dielectrics, and the cosine of the
+/// refracted direction.
 ///
 /// * `cos`: cosine of the angle of incidence, in [0, 1].
 /// * `eta`: index of refraction on the far side over that on the near side.
 ///
-/// Returns `(1, 0)` on total internal reflection. [Walter07, Eq. 22], from the sum of the two polarisations.
+/// Returns `(1, 0)` on total internal reflection. [Walter07, Eq. 22], from the sum of the two
+/// polarisations.
 #[inline]
 pub(super) fn fresnel_dielectric(cos: f32, eta: f32) -> (f32, f32) {
     let sin2_t = (1.0 - cos * cos).max(0.0) / (eta * eta);
@@ -98,7 +106,8 @@ pub(super) fn fresnel_dielectric(cos: f32, eta: f32) -> (f32, f32) {
     (0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t)
 }
 
-/// The direction into which a boundary with unit normal `h` (`wo·h > 0`) refracts light, given the cosine that [`fresnel_dielectric`] found.
+/// The direction into which a boundary with unit normal `h` (`wo·h > 0`) refracts light, given the
+/// cosine that [`fresnel_dielectric`] found.
 #[inline]
 pub(super) fn refract(wo: Vec3, h: Vec3, eta: f32, cos_t: f32) -> Vec3 {
     (wo.dot(h) / eta - cos_t) * h - wo / eta
@@ -116,7 +125,10 @@ mod tests {
                 let (_, cos_t) = fresnel_dielectric(cos, eta);
                 let wi = refract(wo, Vec3::Z, eta, cos_t);
                 assert!((wi.length() - 1.0).abs() < 1e-5 && wi.z < 0.0);
-                assert!((wo.x + eta * wi.x).abs() < 1e-6, "sines in the ratio of the indices, opposite sides");
+                assert!(
+                    (wo.x + eta * wi.x).abs() < 1e-6,
+                    "sines in the ratio of the indices, opposite sides"
+                );
             }
         }
         assert!((fresnel_dielectric(1.0, 1.5).0 - 0.04).abs() < 1e-6);
@@ -149,7 +161,10 @@ mod tests {
                         visible += f64::from(visible_normal_pdf(wo, h, alpha)) * dw;
                     }
                 }
-                assert!((area - 1.0).abs() < 2e-3 && (visible - 1.0).abs() < 3e-3, "α {alpha}, wo {wo}: {area}, {visible}");
+                assert!(
+                    (area - 1.0).abs() < 2e-3 && (visible - 1.0).abs() < 3e-3,
+                    "α {alpha}, wo {wo}: {area}, {visible}"
+                );
             }
         }
     }

@@ -1,4 +1,5 @@
-//! Surface materials: what glTF describes, the BRDFs of the caching papers, and their evaluation, sampling and densities.
+//! Surface materials: what glTF describes, the BRDFs of the caching papers, and their evaluation,
+//! sampling and densities.
 
 mod bsdf;
 mod energy;
@@ -28,7 +29,8 @@ pub enum AlphaMode {
 /// A BRDF of the caching papers in place of the glTF model; `f` excludes the cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NativeBrdf {
-    /// `f = kd/π + ks (s+2)/(2π) cos^s α`, α the angle between `wi` and the mirror direction of `wo`.
+    /// `f = kd/π + ks (s+2)/(2π) cos^s α`, α the angle between `wi` and the mirror direction of
+    /// `wo`.
     Phong {
         /// Diffuse albedo.
         kd: Color,
@@ -37,7 +39,8 @@ pub enum NativeBrdf {
         /// Exponent s ≥ 0.
         exponent: f32,
     },
-    /// `f = kd/π + Σ_j max(0, C_x wi_x wo_x + C_y wi_y wo_y + C_z wi_z wo_z)^n_j` per channel [Lafortune97].
+    /// `f = kd/π + Σ_j max(0, C_x wi_x wo_x + C_y wi_y wo_y + C_z wi_z wo_z)^n_j` per channel
+    /// [Lafortune97].
     Lafortune {
         /// Diffuse albedo.
         kd: Color,
@@ -72,7 +75,8 @@ pub struct LafortuneLobe {
     pub exponent: Color,
 }
 
-/// A material as the scene file describes it: factors and textures of the glTF metallic-roughness model with the extensions we read.
+/// A material as the scene file describes it: factors and textures of the glTF metallic-roughness
+/// model with the extensions we read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name for messages.
@@ -129,12 +133,14 @@ pub struct Material {
     pub clearcoat_roughness: f32,
     /// Multiplied into `clearcoat_roughness`, in G (linear).
     pub clearcoat_roughness_texture: Option<TextureRef>,
-    /// KHR_materials_unlit: shows its base colour as emitted radiance, lights nothing and reflects nothing.
+    /// KHR_materials_unlit: shows its base colour as emitted radiance, lights nothing and reflects
+    /// nothing.
     pub unlit: bool,
     /// A BRDF of the papers in place of the glTF model.
     pub native: Option<NativeBrdf>,
-    /// Accounts for light that scatters more than once between microfacets, so that rough surfaces lose no energy. Without it the glTF model
-    /// is the single-scattering one of older renderers.
+    /// Accounts for light that scatters more than once between microfacets, so that rough surfaces
+    /// lose no energy. Without it the glTF model is the single-scattering one of older
+    /// renderers.
     pub multiple_scattering: bool,
 }
 

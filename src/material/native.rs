@@ -6,11 +6,13 @@ use super::{LafortuneLobe, NativeBrdf};
 use crate::math::{Color, Frame, INV_PI, PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
 
-/// Largest exponent of a cosine lobe, a width of about 0.3 degrees: beyond it single precision shows in the lobe's shape.
+/// Largest exponent of a cosine lobe, a width of about 0.3 degrees: beyond it single precision
+/// shows in the lobe's shape.
 const MAX_EXPONENT: f32 = 1e5;
 /// Least Ward roughness, for the same reason.
 const MIN_WARD_ALPHA: f32 = 1e-3;
-/// Largest factor `|v|^n` of a Lafortune lobe; coefficients that exceed it create energy a thousandfold.
+/// Largest factor `|v|^n` of a Lafortune lobe; coefficients that exceed it create energy a
+/// thousandfold.
 const MAX_LAFORTUNE_SCALE: f32 = 1e6;
 
 /// One channel of a Lafortune lobe seen from `wo`: `scale · cos^n` of the angle to `axis`.
@@ -21,7 +23,8 @@ struct CosineLobe {
 }
 
 impl CosineLobe {
-    /// `f_c(wi) = max(0, v·wi)^n` with `v = (C_x wo_x, C_y wo_y, C_z wo_z)`, so the axis is v's direction and the scale `|v|^n`.
+    /// `f_c(wi) = max(0, v·wi)^n` with `v = (C_x wo_x, C_y wo_y, C_z wo_z)`, so the axis is v's
+    /// direction and the scale `|v|^n`.
     fn new(lobe: &LafortuneLobe, channel: usize, wo: Vec3) -> Self {
         let v = Vec3::new(lobe.cx[channel], lobe.cy[channel], lobe.cz[channel]) * wo;
         let (length, exponent) = (v.length(), lobe.exponent[channel]);
@@ -59,7 +62,8 @@ fn cosine_power_pdf(cos: f32, exponent: f32) -> f32 {
     (exponent + 1.0) * (0.5 * INV_PI) * cosine_power(cos, exponent)
 }
 
-/// The Gaussian of Ward's model, `exp(-tan²θ_h (cos²φ_h/α_x² + sin²φ_h/α_y²)) / (π α_x α_y)`; `h` need not be normalised, `h_z > 0`.
+/// The Gaussian of Ward's model, `exp(-tan²θ_h (cos²φ_h/α_x² + sin²φ_h/α_y²)) / (π α_x α_y)`; `h`
+/// need not be normalised, `h_z > 0`.
 fn ward_gaussian(h: Vec3, alpha_x: f32, alpha_y: f32) -> f32 {
     let (x, y) = (h.x / (alpha_x * h.z), h.y / (alpha_y * h.z));
     INV_PI / (alpha_x * alpha_y) * (-(x * x + y * y)).exp()
@@ -71,10 +75,15 @@ impl NativeBrdf {
         let albedo = |c: Color| c.clamp(Color::ZERO, Color::ONE);
         let exponent = |s: f32| s.clamp(0.0, MAX_EXPONENT);
         match self {
-            Self::Phong { kd, ks, exponent: s } => Self::Phong { kd: albedo(kd), ks: albedo(ks), exponent: exponent(s) },
+            Self::Phong { kd, ks, exponent: s } => {
+                Self::Phong { kd: albedo(kd), ks: albedo(ks), exponent: exponent(s) }
+            }
             Self::Lafortune { kd, lobes, count } => Self::Lafortune {
                 kd: albedo(kd),
-                lobes: lobes.map(|l| LafortuneLobe { exponent: l.exponent.clamp(Color::ZERO, Color::splat(MAX_EXPONENT)), ..l }),
+                lobes: lobes.map(|l| LafortuneLobe {
+                    exponent: l.exponent.clamp(Color::ZERO, Color::splat(MAX_EXPONENT)),
+                    ..l
+                }),
                 count: count.min(3),
             },
             Self::WardDuer { kd, ks, alpha_x, alpha_y } => Self::WardDuer {
@@ -90,7 +99,9 @@ impl NativeBrdf {
     pub(super) fn is_anisotropic(&self) -> bool {
         match self {
             Self::Phong { .. } => false,
-            Self::Lafortune { lobes, count, .. } => lobes[..usize::from(*count).min(3)].iter().any(|l| l.cx != l.cy),
+            Self::Lafortune { lobes, count, .. } => {
+                lobes[..usize::from(*count).min(3)].iter().any(|l| l.cx != l.cy)
+            }
             Self::WardDuer { alpha_x, alpha_y, .. } => alpha_x != alpha_y,
         }
     }
@@ -111,22 +122,29 @@ impl NativeBrdf {
         }
     }
 
-    /// Width of the sharpest lobe as a GGX α; a cosine power s is as wide as `α = sqrt(2/(s+2))` [Walter07].
+    /// Width of the sharpest lobe as a GGX α; a cosine power s is as wide as `α = sqrt(2/(s+2))`
+    /// [Walter07].
     pub(super) fn sharpest(&self) -> f32 {
         let width = |s: f32| (2.0 / (s + 2.0)).sqrt();
         match self {
             _ if !self.has_glossy() => 1.0,
             Self::Phong { exponent, .. } => width(*exponent),
-            Self::Lafortune { lobes, count, .. } => {
-                lobes[..usize::from(*count)].iter().fold(1.0, |w, l| w.min(width(l.exponent.max_element())))
-            }
+            Self::Lafortune { lobes, count, .. } => lobes[..usize::from(*count)]
+                .iter()
+                .fold(1.0, |w, l| w.min(width(l.exponent.max_element()))),
             Self::WardDuer { alpha_x, alpha_y, .. } => alpha_x.min(*alpha_y).min(1.0),
         }
     }
 
     /// The up to nine single-channel lobes of the Lafortune model.
-    fn cosine_lobes(lobes: &[LafortuneLobe; 3], count: u8, wo: Vec3) -> impl Iterator<Item = (usize, CosineLobe)> {
-        lobes[..usize::from(count)].iter().flat_map(move |l| (0..3).map(move |c| (c, CosineLobe::new(l, c, wo))))
+    fn cosine_lobes(
+        lobes: &[LafortuneLobe; 3],
+        count: u8,
+        wo: Vec3,
+    ) -> impl Iterator<Item = (usize, CosineLobe)> {
+        lobes[..usize::from(count)]
+            .iter()
+            .flat_map(move |l| (0..3).map(move |c| (c, CosineLobe::new(l, c, wo))))
     }
 
     /// The glossy lobes and their sampler's density, both directions above the surface.
@@ -165,12 +183,17 @@ impl NativeBrdf {
     /// A direction from the glossy lobes, maybe below the surface; `x` in [0, 1) chooses the lobe.
     fn sample_lobe(&self, wo: Vec3, x: f32, u: Vec2) -> Option<Vec3> {
         match self {
-            Self::Phong { exponent, .. } => Some(sample_cosine_power(Vec3::new(-wo.x, -wo.y, wo.z), *exponent, u)),
+            Self::Phong { exponent, .. } => {
+                Some(sample_cosine_power(Vec3::new(-wo.x, -wo.y, wo.z), *exponent, u))
+            }
             Self::Lafortune { lobes, count, .. } => {
-                let total: f32 = Self::cosine_lobes(lobes, *count, wo).map(|(_, l)| l.weight()).sum();
+                let total: f32 =
+                    Self::cosine_lobes(lobes, *count, wo).map(|(_, l)| l.weight()).sum();
                 let mut x = x * total;
                 let mut chosen = None;
-                for (_, lobe) in Self::cosine_lobes(lobes, *count, wo).filter(|(_, l)| l.scale > 0.0) {
+                for (_, lobe) in
+                    Self::cosine_lobes(lobes, *count, wo).filter(|(_, l)| l.scale > 0.0)
+                {
                     x -= lobe.weight();
                     chosen = Some(lobe);
                     if x < 0.0 {
@@ -199,7 +222,8 @@ impl NativeBrdf {
         (if diffuse { mean(self.kd()) } else { 0.0 }, glossy)
     }
 
-    /// The BRDF and its sampler's density per steradian, with or without the diffuse lobe; both directions above the surface.
+    /// The BRDF and its sampler's density per steradian, with or without the diffuse lobe; both
+    /// directions above the surface.
     pub(super) fn f_pdf(&self, wo: Vec3, wi: Vec3, diffuse: bool) -> (Color, f32) {
         let (wd, wg) = self.weights(wo, diffuse);
         if wd + wg <= 0.0 {
@@ -214,7 +238,13 @@ impl NativeBrdf {
     }
 
     /// Draws a direction; arguments as in [`super::Bsdf::sample`].
-    pub(super) fn sample(&self, wo: Vec3, lobe_u: f32, u: Vec2, diffuse: bool) -> Option<BsdfSample> {
+    pub(super) fn sample(
+        &self,
+        wo: Vec3,
+        lobe_u: f32,
+        u: Vec2,
+        diffuse: bool,
+    ) -> Option<BsdfSample> {
         let (wd, wg) = self.weights(wo, diffuse);
         let x = lobe_u * (wd + wg);
         let (wi, lobe) = if x < wd {

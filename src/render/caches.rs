@@ -1,8 +1,9 @@
-//! The caches that a frame, all frames of a sequence, or a host's questions are answered from, and how they are filled.
+//! The caches that a frame, all frames of a sequence, or a host's questions are answered from, and
+//! how they are filled.
 
 use crate::cache::{
-    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceBands, RadianceCache, RadiancePoints,
-    Refinement, Scheme, Sources,
+    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceBands,
+    RadianceCache, RadiancePoints, Refinement, Scheme, Sources,
 };
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -29,7 +30,8 @@ pub struct Gloss {
 }
 
 impl Gloss {
-    /// What will serve glossy lobes under `scheme`, still without records; `None` where the scheme or the scene has nothing for it.
+    /// What will serve glossy lobes under `scheme`, still without records; `None` where the scheme
+    /// or the scene has nothing for it.
     pub fn new(scene: &Scene, scheme: &Scheme, max_bounces: u32) -> Option<Self> {
         let count = u32::from(scheme.levels.min(scheme.radiance_levels)).min(max_bounces) as u8;
         if scheme.radiance_order == 0 || count == 0 {
@@ -47,13 +49,15 @@ impl Gloss {
         if tables.is_empty() && !scheme.radiance_diffuse {
             return None;
         }
-        let levels: Vec<_> = (0..count).map(|k| RadianceCache::new(scheme, max_bounces, scene.size(), k)).collect();
+        let levels: Vec<_> =
+            (0..count).map(|k| RadianceCache::new(scheme, max_bounces, scene.size(), k)).collect();
         let served = vec![scheme.radiance_break_even <= 0.0; scene.materials().len()];
         let fill = vec![FillStats::default(); levels.len()];
         Some(Self { tables: Arc::new(tables), levels, served, fill })
     }
 
-    /// Lets records serve those materials, too, for which they take the place of enough paths: `paths` says of how many.
+    /// Lets records serve those materials, too, for which they take the place of enough paths:
+    /// `paths` says of how many.
     pub fn serve(&mut self, paths: &[f32], scheme: &Scheme) {
         let enough = scheme.radiance_break_even * self.levels[0].placement().scheme().rays as f32;
         self.served.iter_mut().zip(paths).for_each(|(served, &paths)| *served |= paths >= enough);
@@ -135,7 +139,8 @@ pub struct Job<'a> {
 }
 
 impl Caches {
-    /// Caches for `scheme` and light paths of at most `max_bounces` interactions, without records but those of `before`.
+    /// Caches for `scheme` and light paths of at most `max_bounces` interactions, without records
+    /// but those of `before`.
     pub fn new(scene: &Scene, scheme: &Scheme, max_bounces: u32, before: Option<Cache>) -> Self {
         let cache = before.unwrap_or_else(|| Cache::new(scheme.clone(), max_bounces, scene.size()));
         Self::of(cache, Gloss::new(scene, scheme, max_bounces).map(Arc::new))
@@ -149,7 +154,8 @@ impl Caches {
 
     /// Number of irradiance records on each level, and of radiance records.
     pub fn record_counts(&self) -> (Vec<usize>, usize) {
-        let levels = (0..self.cache.level_count()).map(|k| self.cache.level(k).map_or(0, |l| l.records().len()));
+        let levels = (0..self.cache.level_count())
+            .map(|k| self.cache.level(k).map_or(0, |l| l.records().len()));
         (levels.collect(), self.gloss.as_ref().map_or(0, |g| g.record_count()))
     }
 
@@ -158,8 +164,9 @@ impl Caches {
         self.fill.iter().chain(self.gloss.iter().flat_map(|g| &g.fill)).map(|f| f.reductions).sum()
     }
 
-    /// Fills all levels with what `spots` need beside the records that there are, deepest first; on each level irradiance before radiance. Gathers read what deeper levels know of both. Returns for each spot how many records of its kind
-    /// existed when it was visited.
+    /// Fills all levels with what `spots` need beside the records that there are, deepest first; on
+    /// each level irradiance before radiance. Gathers read what deeper levels know of both. Returns
+    /// for each spot how many records of its kind existed when it was visited.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).
@@ -174,11 +181,14 @@ impl Caches {
         for level in 1..count {
             deeper.push(self.next_spots(job, level, deeper.last().map_or(spots, Vec::as_slice)));
         }
-        let total = |spots: &[Spot]| spots.iter().map(|s| u64::from(s.irradiance) + u64::from(s.order > 0)).sum::<u64>();
+        let total = |spots: &[Spot]| {
+            spots.iter().map(|s| u64::from(s.irradiance) + u64::from(s.order > 0)).sum::<u64>()
+        };
         progress.start(Phase::Fill, total(spots) + deeper.iter().map(|d| total(d)).sum::<u64>());
         for level in (0..count).rev() {
             let spots = if level == 0 { spots } else { &deeper[usize::from(level) - 1] };
-            let (of_irradiance, of_radiance) = (numbers(spots, |s| s.irradiance), numbers(spots, |s| s.order > 0));
+            let (of_irradiance, of_radiance) =
+                (numbers(spots, |s| s.irradiance), numbers(spots, |s| s.order > 0));
             let of_these = self.fill_irradiance(job, level, spots, &of_irradiance, progress)?;
             let of_those = self.fill_radiance(job, level, spots, &of_radiance, progress)?;
             if level == 0 {
@@ -199,13 +209,24 @@ impl Caches {
         let seed = hash(&[job.seed, 2, u64::from(level)]);
         let found = job.tracer.next_cached(&points, job.deeper_points, seed, service.as_ref());
         let spot = |(number, (point, order)): (usize, (SurfacePoint, u8))| {
-            let order = if scheme.radiance_diffuse && gloss.is_some() { scheme.radiance_order } else { order };
+            let order = if scheme.radiance_diffuse && gloss.is_some() {
+                scheme.radiance_order
+            } else {
+                order
+            };
             Spot { number: number as u32, point, irradiance: order == 0, order }
         };
         found.into_iter().enumerate().map(spot).collect()
     }
 
-    fn fill_irradiance(&mut self, job: &Job, level: u8, spots: &[Spot], chosen: &[u32], progress: &Progress) -> Result<Vec<u32>> {
+    fn fill_irradiance(
+        &mut self,
+        job: &Job,
+        level: u8,
+        spots: &[Spot],
+        chosen: &[u32],
+        progress: &Progress,
+    ) -> Result<Vec<u32>> {
         let scheme = self.cache.scheme().clone();
         let gloss = self.gloss.clone();
         let behind = gloss.as_ref().map(|g| {
@@ -213,21 +234,35 @@ impl Caches {
             integrator::Gloss { records: &g.levels[first..], ..g.shading(&scheme) }
         });
         let probe = SceneProbe::new(job.tracer).with_gloss(behind);
-        let points = LevelPoints { points: points(spots, chosen), round: if level == 0 { job.round } else { 0 } };
+        let points = LevelPoints {
+            points: points(spots, chosen),
+            round: if level == 0 { job.round } else { 0 },
+        };
         let stats = self.cache.fill(&probe, level, &points, job.seed, progress)?;
         self.fill[usize::from(level)].add(&stats);
         if level == 0 && scheme.refinement != Refinement::None {
             let views = views(job, spots, chosen, None);
             let looks: Vec<Appearance> = views.iter().map(|l| l.2).collect();
-            let refined = self.cache.converge(&probe, 0, &points.points, &looks, job.seed, progress)?;
+            let refined =
+                self.cache.converge(&probe, 0, &points.points, &looks, job.seed, progress)?;
             self.fill[0].add(&refined);
         }
         add(&mut self.gathered, &probe);
         Ok(stats.births)
     }
 
-    fn fill_radiance(&mut self, job: &Job, level: u8, spots: &[Spot], chosen: &[u32], progress: &Progress) -> Result<Vec<u32>> {
-        let Some(gloss) = self.gloss.as_mut().filter(|g| usize::from(level) < g.levels.len()) else { return Ok(Vec::new()) };
+    fn fill_radiance(
+        &mut self,
+        job: &Job,
+        level: u8,
+        spots: &[Spot],
+        chosen: &[u32],
+        progress: &Progress,
+    ) -> Result<Vec<u32>> {
+        let Some(gloss) = self.gloss.as_mut().filter(|g| usize::from(level) < g.levels.len())
+        else {
+            return Ok(Vec::new());
+        };
         let scheme = self.cache.scheme();
         let Gloss { tables, levels, served, fill } = Arc::make_mut(gloss);
         let (first, behind) = levels.split_at_mut(usize::from(level) + 1);
@@ -238,22 +273,28 @@ impl Caches {
             .with_gloss(Some(integrator::Gloss { service, records: behind }));
         let reflector = SceneReflector { tracer: job.tracer, tables };
         let orders = chosen.iter().map(|&i| spots[i as usize].order).collect();
-        let points = LevelPoints { points: points(spots, chosen), round: if level == 0 { job.round } else { 0 } };
+        let points = LevelPoints {
+            points: points(spots, chosen),
+            round: if level == 0 { job.round } else { 0 },
+        };
         let points = RadiancePoints { points, orders };
         if let Some(towards) = job.towards.filter(|_| level == 0) {
             records.see_from(&reflector, towards);
         }
-        let stats = records.fill(&probe, &points, &self.cache, Some(&reflector), job.seed, progress)?;
+        let stats =
+            records.fill(&probe, &points, &self.cache, Some(&reflector), job.seed, progress)?;
         fill.add(&stats);
         if level == 0 && scheme.refinement != Refinement::None {
             let views = views(job, spots, chosen, Some(&service));
             let appearance: Vec<Appearance> = views.iter().map(|l| l.2).collect();
             let lobes = |p: usize, lobe: &mut LobeCoefficients| {
-                let order = service.project(&points.points.points[p], &views[p].1, None, &mut lobe.values);
+                let order =
+                    service.project(&points.points.points[p], &views[p].1, None, &mut lobe.values);
                 order.map(|n| lobe.order = n).is_some()
             };
             let view = GlossyView { points: &points, appearance: &appearance, lobes: &lobes };
-            let sources = Sources { probe: &probe, deeper: &self.cache, reflector: Some(&reflector) };
+            let sources =
+                Sources { probe: &probe, deeper: &self.cache, reflector: Some(&reflector) };
             fill.add(&records.converge(&view, &sources, job.seed, progress)?);
         }
         add(&mut self.gathered, &probe);
@@ -277,7 +318,11 @@ fn points(spots: &[Spot], chosen: &[u32]) -> Vec<SurfacePoint> {
 fn views(job: &Job, spots: &[Spot], chosen: &[u32], service: Option<&Service>) -> Vec<View> {
     let chosen: Vec<Spot> = chosen.iter().map(|&i| spots[i as usize]).collect();
     let nothing = |s: &Spot| (s.point, Bsdf::BLACK, Appearance::default());
-    (job.look)(&chosen, service).into_iter().zip(&chosen).map(|(seen, s)| seen.unwrap_or_else(|| nothing(s))).collect()
+    (job.look)(&chosen, service)
+        .into_iter()
+        .zip(&chosen)
+        .map(|(seen, s)| seen.unwrap_or_else(|| nothing(s)))
+        .collect()
 }
 
 /// Adds what `probe` has traced to `rays`.

@@ -21,8 +21,9 @@ pub struct Clock {
 
 /// CPU seconds of the whole process so far.
 fn cpu_seconds() -> f64 {
-    getrusage(UsageWho::RUSAGE_SELF)
-        .map_or(0.0, |u| (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 * 1e-6)
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0.0, |u| {
+        (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 * 1e-6
+    })
 }
 
 /// Largest resident set of the process so far, in bytes.

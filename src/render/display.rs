@@ -10,7 +10,8 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
 /// How long to wait for the viewer to accept a connection, and later for it to take a packet.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Bytes of samples per packet; a larger tile is sent in bands of rows. Packets are limited to 4 GiB by their length field.
+/// Bytes of samples per packet; a larger tile is sent in bands of rows. Packets are limited to 4
+/// GiB by their length field.
 const MAX_PACKET_BYTES: usize = 16 << 20;
 
 /// A rectangle of pixels.
@@ -42,15 +43,27 @@ pub struct Display {
 }
 
 impl Display {
-    /// Connects to the viewer at `address` (`host:port`, tev's default is 127.0.0.1:14158) and opens a black image of `width` x `height` pixels with the
-    /// channels `channel_names` there.
+    /// Connects to the viewer at `address` (`host:port`, tev's default is 127.0.0.1:14158) and
+    /// opens a black image of `width` x `height` pixels with the channels `channel_names`
+    /// there.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] naming the address when nobody answers within five seconds, and for empty sizes or names that the protocol cannot carry.
-    pub fn connect(address: &str, title: &str, width: u32, height: u32, channel_names: &[&str]) -> Result<Self> {
-        let refused = |what: &str| Err(Error::InvalidArgument(format!("display server {address}: {what}")));
+    /// [`Error::InvalidArgument`] naming the address when nobody answers within five seconds, and
+    /// for empty sizes or names that the protocol cannot carry.
+    pub fn connect(
+        address: &str,
+        title: &str,
+        width: u32,
+        height: u32,
+        channel_names: &[&str],
+    ) -> Result<Self> {
+        let refused =
+            |what: &str| Err(Error::InvalidArgument(format!("display server {address}: {what}")));
         if width == 0 || height == 0 || channel_names.is_empty() {
-            return refused(&format!("cannot show {width} x {height} pixels of {} channels", channel_names.len()));
+            return refused(&format!(
+                "cannot show {width} x {height} pixels of {} channels",
+                channel_names.len()
+            ));
         }
         if title.is_empty()
             || channel_names.iter().any(|n| n.is_empty())
@@ -60,9 +73,14 @@ impl Display {
         }
         let mut client = match open(address) {
             Ok(client) => client,
-            Err(e) => return refused(&format!("cannot connect: {e}. Is the viewer running, and listening there?")),
+            Err(e) => {
+                return refused(&format!(
+                    "cannot connect: {e}. Is the viewer running, and listening there?"
+                ));
+            }
         };
-        let create = PacketCreateImage { image_name: title, grab_focus: true, width, height, channel_names };
+        let create =
+            PacketCreateImage { image_name: title, grab_focus: true, width, height, channel_names };
         if let Err(e) = client.send(create) {
             return refused(&format!("cannot open an image: {e}"));
         }
@@ -78,7 +96,8 @@ impl Display {
         })
     }
 
-    /// Shows `data`, the samples of `tile`: pixel by pixel, row by row from the top, all channels of a pixel together. Empty tiles are ignored.
+    /// Shows `data`, the samples of `tile`: pixel by pixel, row by row from the top, all channels
+    /// of a pixel together. Empty tiles are ignored.
     ///
     /// Returns a warning when the viewer has just gone away; later calls do nothing.
     ///
@@ -86,7 +105,8 @@ impl Display {
     /// When `tile` leaves the image or `data` is not its samples.
     #[must_use = "the warning is given only once"]
     pub fn update(&self, tile: Tile, data: &[f32]) -> Option<String> {
-        let inside = |start: u32, extent: u32, end: u32| start.checked_add(extent).is_some_and(|e| e <= end);
+        let inside =
+            |start: u32, extent: u32, end: u32| start.checked_add(extent).is_some_and(|e| e <= end);
         assert!(
             inside(tile.x, tile.width, self.size[0]) && inside(tile.y, tile.height, self.size[1]),
             "{tile:?} leaves the image"
@@ -97,7 +117,8 @@ impl Display {
             return None;
         }
         let rows = (MAX_PACKET_BYTES / (row * size_of::<f32>())).max(1);
-        // A thread that panicked while it sent has left at worst half a packet, which the viewer will refuse.
+        // A thread that panicked while it sent has left at worst half a packet, which the viewer
+        // will refuse.
         let mut client = self.client.lock().unwrap_or_else(PoisonError::into_inner);
         let viewer = client.as_mut()?;
         for (band, data) in data.chunks(rows * row).enumerate() {
@@ -115,7 +136,10 @@ impl Display {
             });
             if let Err(e) = sent {
                 *client = None;
-                return Some(format!("display server {}: {e}; the render goes on without it", self.address));
+                return Some(format!(
+                    "display server {}: {e}; the render goes on without it",
+                    self.address
+                ));
             }
         }
         None
@@ -192,9 +216,16 @@ mod tests {
         let packets = packets(&bytes);
         let create = [&[4u8, 1][..], b"box\0", &le(&[8, 4, 2]), b"R\0x.G\0"].concat();
         let samples: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let update =
-            [&[6u8, 0][..], b"box\0", &le(&[2]), b"R\0x.G\0", &le(&[6, 3, 2, 1]), &le(&[0, 0, 1, 0, 2, 0, 2, 0]), &samples]
-                .concat();
+        let update = [
+            &[6u8, 0][..],
+            b"box\0",
+            &le(&[2]),
+            b"R\0x.G\0",
+            &le(&[6, 3, 2, 1]),
+            &le(&[0, 0, 1, 0, 2, 0, 2, 0]),
+            &samples,
+        ]
+        .concat();
         assert_eq!(packets, [create, update]);
     }
 
@@ -210,7 +241,9 @@ mod tests {
         let packets = packets(&bytes);
         assert_eq!(packets.len(), 3);
         // After type, focus, "t\0", count and "Y\0" come x, y, width, height.
-        let field = |packet: &[u8], i: usize| u32::from_le_bytes(packet[10 + 4 * i..14 + 4 * i].try_into().unwrap());
+        let field = |packet: &[u8], i: usize| {
+            u32::from_le_bytes(packet[10 + 4 * i..14 + 4 * i].try_into().unwrap())
+        };
         assert_eq!([field(packets[1], 1), field(packets[1], 3)], [0, 1024]);
         assert_eq!([field(packets[2], 1), field(packets[2], 3)], [1024, 76]);
         assert!(packets[2].ends_with(&((width * height - 1) as f32).to_le_bytes()));
@@ -221,15 +254,32 @@ mod tests {
         let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let error = Display::connect(&address, "t", 1, 1, &["R"]).unwrap_err().to_string();
         assert!(error.contains(&address) && error.contains("cannot connect"), "{error}");
-        assert!(Display::connect("no port", "t", 1, 1, &["R"]).unwrap_err().to_string().contains("no port"));
-        assert!(Display::connect(&address, "t\0", 1, 1, &["R"]).unwrap_err().to_string().contains("NUL"));
-        assert!(Display::connect(&address, "t", 0, 1, &["R"]).unwrap_err().to_string().contains("0 x 1"));
+        assert!(
+            Display::connect("no port", "t", 1, 1, &["R"])
+                .unwrap_err()
+                .to_string()
+                .contains("no port")
+        );
+        assert!(
+            Display::connect(&address, "t\0", 1, 1, &["R"])
+                .unwrap_err()
+                .to_string()
+                .contains("NUL")
+        );
+        assert!(
+            Display::connect(&address, "t", 0, 1, &["R"])
+                .unwrap_err()
+                .to_string()
+                .contains("0 x 1")
+        );
     }
 
     #[test]
     fn a_viewer_that_leaves_is_warned_of_once() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let display = Display::connect(&listener.local_addr().unwrap().to_string(), "t", 64, 64, &["R"]).unwrap();
+        let display =
+            Display::connect(&listener.local_addr().unwrap().to_string(), "t", 64, 64, &["R"])
+                .unwrap();
         drop(listener.accept().unwrap());
         let (tile, data) = (Tile { x: 0, y: 0, width: 64, height: 64 }, vec![0.0; 64 * 64]);
         // The kernel takes some packets before it learns that the other side has closed.

@@ -8,7 +8,9 @@ use super::visible::fill_for_camera;
 use crate::cache::{Cache, FillStats, Order, RadianceCache};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
-use crate::integrator::{Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat};
+use crate::integrator::{
+    Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat,
+};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
@@ -17,9 +19,11 @@ use std::sync::{Arc, Mutex};
 
 /// Sides of a tile in pixels.
 const TILE: u32 = 16;
-/// Samples that each pixel gets in one pass over the image, so that a cancelled picture is complete.
+/// Samples that each pixel gets in one pass over the image, so that a cancelled picture is
+/// complete.
 const PASS: u32 = 16;
-/// Tiles after which splats are added to the film, in the order of the tiles: few enough to keep them in memory.
+/// Tiles after which splats are added to the film, in the order of the tiles: few enough to keep
+/// them in memory.
 const WAVE: u32 = 64;
 
 /// What a frame left behind.
@@ -56,7 +60,9 @@ impl Frame {
 
     /// All caches that were filled.
     pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
-        self.cache.iter().chain(self.gloss.iter().flat_map(|g| g.levels.iter().map(RadianceCache::placement)))
+        self.cache
+            .iter()
+            .chain(self.gloss.iter().flat_map(|g| g.levels.iter().map(RadianceCache::placement)))
     }
 }
 
@@ -69,11 +75,18 @@ pub type Watcher<'a> = dyn FnMut([u32; 4], &Film) + Send + 'a;
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] for an empty or outlying window.
-pub fn frame(scene: &Scene, settings: &Settings, progress: &Progress, clock: &mut Clock, watcher: &mut Watcher) -> Result<Frame> {
+pub fn frame(
+    scene: &Scene,
+    settings: &Settings,
+    progress: &Progress,
+    clock: &mut Clock,
+    watcher: &mut Watcher,
+) -> Result<Frame> {
     frame_with(scene, settings, None, progress, clock, watcher)
 }
 
-/// [`frame`] with the records of caches that were made before under the same scheme; the fill adds what the camera needs beside them.
+/// [`frame`] with the records of caches that were made before under the same scheme; the fill adds
+/// what the camera needs beside them.
 ///
 /// # Errors
 /// Those of [`frame`].
@@ -90,7 +103,8 @@ pub fn frame_with(
         return shade_frame(scene, settings, None, None, progress, clock, watcher);
     }
     clock.start(Phase::Fill);
-    let mut caches = before.unwrap_or_else(|| Caches::new(scene, &settings.scheme, settings.max_bounces, None));
+    let mut caches =
+        before.unwrap_or_else(|| Caches::new(scene, &settings.scheme, settings.max_bounces, None));
     match fill_for_camera(&mut caches, scene, settings, &[], progress) {
         Ok(births) => {
             let limits = (settings.scheme.passes == 1).then_some(births);
@@ -104,7 +118,8 @@ pub fn frame_with(
     }
 }
 
-/// [`frame`] from caches that were filled before, with no regard to the order in which their records were made.
+/// [`frame`] from caches that were filled before, with no regard to the order in which their
+/// records were made.
 ///
 /// # Errors
 /// Those of [`frame`].
@@ -141,7 +156,12 @@ fn shade_frame(
             }
             (None, IntegratorKind::Bdpt) => {
                 let camera = settings.camera.clone();
-                Integrator::Bidirectional(Box::new(Bidirectional::new(tracer, camera, settings.size, settings.window)))
+                Integrator::Bidirectional(Box::new(Bidirectional::new(
+                    tracer,
+                    camera,
+                    settings.size,
+                    settings.window,
+                )))
             }
             (None, _) => Integrator::Path(tracer),
         };
@@ -155,10 +175,14 @@ fn shade_frame(
 fn check(settings: &Settings) -> Result<()> {
     let ([w, h], [x0, y0, x1, y1]) = (settings.size, settings.window);
     if w == 0 || h == 0 || u64::from(w) * u64::from(h) > 1 << 28 {
-        return Err(Error::InvalidArgument(format!("an image of {w}x{h} pixels cannot be rendered")));
+        return Err(Error::InvalidArgument(format!(
+            "an image of {w}x{h} pixels cannot be rendered"
+        )));
     }
     if x0 >= x1 || y0 >= y1 || x1 > w || y1 > h {
-        return Err(Error::InvalidArgument(format!("the crop window {x0},{y0},{x1},{y1} is not inside {w}x{h} pixels")));
+        return Err(Error::InvalidArgument(format!(
+            "the crop window {x0},{y0},{x1},{y1} is not inside {w}x{h} pixels"
+        )));
     }
     Ok(())
 }
@@ -171,8 +195,12 @@ pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
     match settings.scheme.order {
         Order::Scanline => {}
         // Grids of every eighth pixel, then every fourth, every second, and the rest.
-        Order::CoarseToFine => order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p)),
-        Order::Hashed => order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p)),
+        Order::CoarseToFine => {
+            order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p))
+        }
+        Order::Hashed => {
+            order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p))
+        }
     }
     order
 }
@@ -232,13 +260,18 @@ fn render(
                 progress.advance(pixels.len() as u64 * u64::from(last - first));
                 splats
             };
-            let splats: Vec<Vec<Splat>> = (start..tiles.min(start + wave)).into_par_iter().map(render_tile).collect();
+            let splats: Vec<Vec<Splat>> =
+                (start..tiles.min(start + wave)).into_par_iter().map(render_tile).collect();
             let mut guard = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             splats.iter().flatten().for_each(|splat| guard.0.splat(splat));
         }
         first = last;
         // What light paths bring is divided by one number of samples for the whole image.
-        if first == settings.spp && settings.noise > 0.0 && !integrator.splats() && !progress.is_cancelled() {
+        if first == settings.spp
+            && settings.noise > 0.0
+            && !integrator.splats()
+            && !progress.is_cancelled()
+        {
             wanted = samples_wanted(film, settings.spp, settings.noise);
             let all: u64 = wanted.iter().map(|&n| u64::from(n)).sum();
             progress.extend(all - work);
@@ -248,7 +281,8 @@ fn render(
     progress.is_cancelled()
 }
 
-/// Shades samples `indices` of the pixels with these numbers. Returns those pixels, and what the samples bring to any pixel.
+/// Shades samples `indices` of the pixels with these numbers. Returns those pixels, and what the
+/// samples bring to any pixel.
 fn shade(
     integrator: &Integrator,
     settings: &Settings,

@@ -15,7 +15,13 @@ use std::path::Path;
 ///
 /// # Errors
 /// Those of writing the file.
-pub fn write_exr(path: &Path, frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Result<()> {
+pub fn write_exr(
+    path: &Path,
+    frame: &Frame,
+    settings: &Settings,
+    selection: &Selection,
+    facts: &Facts,
+) -> Result<()> {
     exr::write(path, &layers(frame, settings, selection, facts))
 }
 
@@ -46,26 +52,44 @@ fn layers(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fac
         let drawn = records::draw(film, frame.caches(), settings);
         for (k, name) in ["R", "G", "B"].iter().enumerate() {
             let samples = drawn.overlay.iter().map(|c| c[k]).collect();
-            channels.push(Channel { name: format!("gi.overlay.{name}"), kind: SampleKind::Half, samples });
+            channels.push(Channel {
+                name: format!("gi.overlay.{name}"),
+                kind: SampleKind::Half,
+                samples,
+            });
         }
-        channels.push(Channel { name: "gi.level".into(), kind: SampleKind::Half, samples: drawn.level });
+        channels.push(Channel {
+            name: "gi.level".into(),
+            kind: SampleKind::Half,
+            samples: drawn.level,
+        });
     }
     let mut attributes = vec![
-        ("software".into(), Attribute::Text(concat!("lumicache ", env!("CARGO_PKG_VERSION")).into())),
+        (
+            "software".into(),
+            Attribute::Text(concat!("lumicache ", env!("CARGO_PKG_VERSION")).into()),
+        ),
         ("settings".into(), Attribute::Text(settings.describe())),
         ("seconds".into(), Attribute::Double(facts.seconds)),
         ("samplesPerPixel".into(), Attribute::Int(settings.spp as i32)),
         ("sceneHash".into(), Attribute::Text(facts.scene_hash.clone())),
         ("backend".into(), Attribute::Text(facts.backend.clone())),
         ("chromaticities".into(), REC_709),
-        ("worldToCamera".into(), Attribute::M44f(world_to_camera(&settings.camera).to_cols_array())),
-        ("worldToNDC".into(), Attribute::M44f(world_to_ndc(&settings.camera, settings.size).to_cols_array())),
+        (
+            "worldToCamera".into(),
+            Attribute::M44f(world_to_camera(&settings.camera).to_cols_array()),
+        ),
+        (
+            "worldToNDC".into(),
+            Attribute::M44f(world_to_ndc(&settings.camera, settings.size).to_cols_array()),
+        ),
     ];
     if frame.cancelled {
         attributes.push(("cancelled".into(), Attribute::Int(1)));
     }
     let [x0, y0, _, _] = film.window;
-    let crop = (film.window_size() != film.size).then_some(Crop { origin: [x0 as i32, y0 as i32], whole: film.size });
+    let crop = (film.window_size() != film.size)
+        .then_some(Crop { origin: [x0 as i32, y0 as i32], whole: film.size });
     Layers { width, height, channels, attributes, crop }
 }
 
@@ -77,7 +101,9 @@ fn world_to_camera(camera: &Camera) -> Mat4 {
 pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
     let aspect = size[0] as f32 / size[1] as f32;
     let projection = match camera.projection {
-        Projection::Perspective { yfov } => glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5),
+        Projection::Perspective { yfov } => {
+            glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5)
+        }
         Projection::Orthographic { xmag, ymag } => {
             glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5)
         }
@@ -89,7 +115,13 @@ pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
 ///
 /// # Errors
 /// Those of writing the file.
-pub fn write_preview(path: &Path, frame: &Frame, settings: &Settings, exposure_ev: f32, show_records: bool) -> Result<()> {
+pub fn write_preview(
+    path: &Path,
+    frame: &Frame,
+    settings: &Settings,
+    exposure_ev: f32,
+    show_records: bool,
+) -> Result<()> {
     let pixels: Vec<Color> = if show_records && frame.cache.is_some() {
         records::draw(&frame.film, frame.caches(), settings).overlay
     } else {

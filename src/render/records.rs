@@ -15,15 +15,24 @@ pub struct Drawn {
 }
 
 /// Colours of the levels: yellow, cyan, magenta, then green for all deeper ones.
-const COLORS: [Color; 4] =
-    [Color::new(1.0, 0.8, 0.0), Color::new(0.0, 0.9, 1.0), Color::new(1.0, 0.1, 0.8), Color::new(0.2, 1.0, 0.2)];
+const COLORS: [Color; 4] = [
+    Color::new(1.0, 0.8, 0.0),
+    Color::new(0.0, 0.9, 1.0),
+    Color::new(1.0, 0.1, 0.8),
+    Color::new(0.2, 1.0, 0.2),
+];
 /// Areas narrower than this many pixels are not outlined: they would cover the image.
 const OUTLINED: f32 = 6.0;
 /// Points of an outline.
 const OUTLINE: usize = 48;
 
-/// Draws the records of all levels of `caches` that the camera sees; those hidden behind what it sees are left out.
-pub fn draw<'a>(film: &Film, caches: impl Iterator<Item = &'a Cache>, settings: &Settings) -> Drawn {
+/// Draws the records of all levels of `caches` that the camera sees; those hidden behind what it
+/// sees are left out.
+pub fn draw<'a>(
+    film: &Film,
+    caches: impl Iterator<Item = &'a Cache>,
+    settings: &Settings,
+) -> Drawn {
     let mut canvas = Canvas {
         film,
         to_clip: super::output::world_to_ndc(&settings.camera, settings.size),
@@ -32,7 +41,8 @@ pub fn draw<'a>(film: &Film, caches: impl Iterator<Item = &'a Cache>, settings: 
         drawn: Drawn { overlay: film.radiance(), level: vec![0.0; film.pixels().len()] },
         brightness: 4.0 * film.mean_luminance().max(1e-6),
     };
-    let levels = caches.flat_map(|cache| (0..cache.level_count()).rev().map(move |level| (cache, level)));
+    let levels =
+        caches.flat_map(|cache| (0..cache.level_count()).rev().map(move |level| (cache, level)));
     for (cache, level) in levels {
         let Some(filled) = cache.level(level) else { continue };
         let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
@@ -70,7 +80,10 @@ impl Canvas<'_> {
         let ndc = Vec2::new(clip.x, clip.y) / clip.w;
         let [w, h] = self.film.size.map(|s| s as f32);
         let raster = Vec2::new(0.5 * (ndc.x + 1.0) * w, 0.5 * (1.0 - ndc.y) * h);
-        Some([raster.x.floor() as i64 - i64::from(self.film.window[0]), raster.y.floor() as i64 - i64::from(self.film.window[1])])
+        Some([
+            raster.x.floor() as i64 - i64::from(self.film.window[0]),
+            raster.y.floor() as i64 - i64::from(self.film.window[1]),
+        ])
     }
 
     fn dot(&mut self, p: Vec3, level: u8) {

@@ -8,18 +8,23 @@ const MOST: u32 = 4;
 /// Pixels darker than this share of the mean are judged as if they were that bright.
 const DARK: f32 = 0.1;
 
-/// How many samples each pixel of `film`, all of which have had `spp`, needs in all for a relative standard error of `target`: a multiple of `spp`.
+/// How many samples each pixel of `film`, all of which have had `spp`, needs in all for a relative
+/// standard error of `target`: a multiple of `spp`.
 ///
-/// Errors and means are averaged over the pixel and its neighbours. That makes the decision nearly independent of the pixel's own samples: a pixel judged by those alone
-/// would be kept where they happened to miss the light and refined where they happened to find it, which darkens the picture.
+/// Errors and means are averaged over the pixel and its neighbours. That makes the decision nearly
+/// independent of the pixel's own samples: a pixel judged by those alone would be kept where they
+/// happened to miss the light and refined where they happened to find it, which darkens the
+/// picture.
 pub fn samples_wanted(film: &Film, spp: u32, target: f32) -> Vec<u32> {
     let [width, height] = film.window_size().map(|n| n as usize);
     let floor = DARK * film.mean_luminance();
-    let noise: Vec<[f32; 2]> = film.pixels().iter().map(|p| [p.luminance_variance(), luminance(p.radiance())]).collect();
+    let noise: Vec<[f32; 2]> =
+        film.pixels().iter().map(|p| [p.luminance_variance(), luminance(p.radiance())]).collect();
     let mut wanted = Vec::with_capacity(noise.len());
     for y in 0..height {
         for x in 0..width {
-            let (columns, rows) = (x.saturating_sub(1)..width.min(x + 2), y.saturating_sub(1)..height.min(y + 2));
+            let (columns, rows) =
+                (x.saturating_sub(1)..width.min(x + 2), y.saturating_sub(1)..height.min(y + 2));
             let count = (columns.len() * rows.len()) as f32;
             let [mut variance, mut mean] = [0.0; 2];
             for row in rows {
@@ -31,7 +36,11 @@ pub fn samples_wanted(film: &Film, spp: u32, target: f32) -> Vec<u32> {
             let allowed = target * (mean / count).max(floor);
             let factor = if variance > 0.0 { variance / count / (allowed * allowed) } else { 0.0 };
             // The maximum also takes the place of what is not a number.
-            wanted.push(if factor <= 1.0 { spp } else { spp * (factor.min(MOST as f32).ceil() as u32).clamp(1, MOST) });
+            wanted.push(if factor <= 1.0 {
+                spp
+            } else {
+                spp * (factor.min(MOST as f32).ceil() as u32).clamp(1, MOST)
+            });
         }
     }
     wanted

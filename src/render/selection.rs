@@ -8,20 +8,26 @@ use crate::film::{LAYERS, Layer};
 pub struct Selection(Vec<&'static Layer>);
 
 impl Selection {
-    /// Reads `none` (the beauty alone), `basic`, `all`, or names of layers separated by commas; the beauty is always there.
+    /// Reads `none` (the beauty alone), `basic`, `all`, or names of layers separated by commas; the
+    /// beauty is always there.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] listing the layers there are.
     pub fn parse(text: &str) -> Result<Self> {
-        let chosen = |pick: &dyn Fn(&Layer) -> bool| Self(LAYERS.iter().filter(|l| l.name.is_empty() || pick(l)).collect());
+        let chosen = |pick: &dyn Fn(&Layer) -> bool| {
+            Self(LAYERS.iter().filter(|l| l.name.is_empty() || pick(l)).collect())
+        };
         match text {
             "none" => Ok(chosen(&|_| false)),
             "basic" => Ok(chosen(&|l| l.basic)),
             "all" => Ok(chosen(&|_| true)),
             list => {
                 let names: Vec<&str> = list.split(',').map(str::trim).collect();
-                if let Some(unknown) = names.iter().find(|n| n.is_empty() || !LAYERS.iter().any(|l| l.name == **n)) {
-                    let known: Vec<_> = LAYERS.iter().map(|l| l.name).filter(|n| !n.is_empty()).collect();
+                if let Some(unknown) =
+                    names.iter().find(|n| n.is_empty() || !LAYERS.iter().any(|l| l.name == **n))
+                {
+                    let known: Vec<_> =
+                        LAYERS.iter().map(|l| l.name).filter(|n| !n.is_empty()).collect();
                     return Err(Error::InvalidArgument(format!(
                         "there is no layer `{unknown}`; the layers are {}, and none, basic, all stand for sets of them",
                         known.join(", ")

@@ -11,7 +11,8 @@ use std::time::Instant;
 
 /// Cameras whose pixels are asked how small a record must be.
 const WITNESSES: usize = 8;
-/// Most times that all frames are visited. The second visit finds the few points that later frames have uncovered, by clamping records or by refining them.
+/// Most times that all frames are visited. The second visit finds the few points that later frames
+/// have uncovered, by clamping records or by refining them.
 const VISITS: usize = 4;
 
 /// What one frame added to the records of those before.
@@ -39,7 +40,8 @@ impl Growth {
     }
 }
 
-/// Fills `caches` for all `cameras`, one after the other, until none needs another record. No frame has been rendered by then, so none shows light that the next one, with more records, would show
+/// Fills `caches` for all `cameras`, one after the other, until none needs another record. No frame
+/// has been rendered by then, so none shows light that the next one, with more records, would show
 /// differently. Returns what each camera added; nothing where the integrator uses no cache.
 ///
 /// # Errors
@@ -56,7 +58,8 @@ pub fn fill_sequence(
         return Ok(growth);
     }
     let count = cameras.len().min(WITNESSES);
-    let witnesses: Vec<Camera> = (0..count).map(|k| cameras[k * (cameras.len() - 1) / (count - 1).max(1)].clone()).collect();
+    let witnesses: Vec<Camera> =
+        (0..count).map(|k| cameras[k * (cameras.len() - 1) / (count - 1).max(1)].clone()).collect();
     for _ in 0..VISITS {
         let mut changed = false;
         for (camera, growth) in cameras.iter().zip(&mut growth) {

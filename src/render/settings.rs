@@ -40,7 +40,8 @@ pub struct Settings {
     pub window: [u32; 4],
     /// Samples per pixel.
     pub spp: u32,
-    /// Pixels whose relative standard error is above this get up to four times the samples; 0 gives all of them the same.
+    /// Pixels whose relative standard error is above this get up to four times the samples; 0
+    /// gives all of them the same.
     pub noise: f32,
     /// Most surface interactions after the camera hit, `u32::MAX` for no bound.
     pub max_bounces: u32,
@@ -60,12 +61,19 @@ impl Settings {
             self.size[1],
             self.spp,
             self.noise,
-            if self.max_bounces == u32::MAX { "unlimited".to_owned() } else { self.max_bounces.to_string() },
+            if self.max_bounces == u32::MAX {
+                "unlimited".to_owned()
+            } else {
+                self.max_bounces.to_string()
+            },
             self.seed,
             self.camera.name,
         );
         if self.integrator == IntegratorKind::Cache {
-            text += &format!(" scheme={}", serde_json::to_string(&self.scheme).expect("a scheme is plain data"));
+            text += &format!(
+                " scheme={}",
+                serde_json::to_string(&self.scheme).expect("a scheme is plain data")
+            );
         }
         text
     }

@@ -8,9 +8,21 @@ use crate::film::Pixel;
 use crate::scene::Scene;
 use serde_json::{Value, json};
 
-/// Seconds per phase, rays by kind, records and bytes per level, lookups and hits, back end, threads, peak memory and settings.
-pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, threads: usize) -> Value {
-    let (lookups, misses) = frame.film.pixels().iter().map(Pixel::lookups).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+/// Seconds per phase, rays by kind, records and bytes per level, lookups and hits, back end,
+/// threads, peak memory and settings.
+pub fn stats(
+    scene: &Scene,
+    settings: &Settings,
+    frame: &Frame,
+    clock: &Clock,
+    threads: usize,
+) -> Value {
+    let (lookups, misses) = frame
+        .film
+        .pixels()
+        .iter()
+        .map(Pixel::lookups)
+        .fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let samples: u64 = frame.film.pixels().iter().map(|p| u64::from(p.samples())).sum();
     let [bundle, shadow, paths] = frame.gathered;
     let levels: Vec<Value> = frame.cache.as_ref().map_or_else(Vec::new, |cache| {
@@ -32,7 +44,8 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
             })
             .collect()
     });
-    let (glossy, served) = frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let (glossy, served) =
+        frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let radiance = frame.gloss.as_ref().map(|gloss| {
         let mut fill = FillStats::default();
         gloss.fill.iter().for_each(|f| fill.add(f));
@@ -48,7 +61,8 @@ pub fn stats(scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, t
             "reductions": fill.reductions,
         })
     });
-    // Parts of rendering that run on all threads at once: their thread seconds, and the wall seconds that is on average.
+    // Parts of rendering that run on all threads at once: their thread seconds, and the wall
+    // seconds that is on average.
     let mut phases = clock.to_json();
     for (name, seconds) in ["interpolate", "direct"].into_iter().zip(frame.shading_seconds) {
         phases[name] = json!({"seconds": seconds / threads as f64, "cpu_seconds": seconds});

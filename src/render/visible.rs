@@ -15,9 +15,11 @@ use std::sync::Arc;
 /// Shading points of the deeper levels, per level.
 const DEEPER_POINTS: usize = 16_384;
 
-/// Fills `caches` with what the camera of `settings` needs beside the records that there are. Returns for each pixel of the window how many records existed when it was visited.
+/// Fills `caches` with what the camera of `settings` needs beside the records that there are.
+/// Returns for each pixel of the window how many records existed when it was visited.
 ///
-/// `others` are further cameras that will see the records: no record is made larger than the smallest of their pixels allows.
+/// `others` are further cameras that will see the records: no record is made larger than the
+/// smallest of their pixels allows.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).
@@ -52,7 +54,13 @@ pub fn fill_for_camera(
 }
 
 /// What the pixels see by their first samples. Decides which materials are worth radiance records.
-fn visible(caches: &mut Caches, tracer: PathTracer, settings: &Settings, others: &[Camera], order: &[u32]) -> Vec<Spot> {
+fn visible(
+    caches: &mut Caches,
+    tracer: PathTracer,
+    settings: &Settings,
+    others: &[Camera],
+    order: &[u32],
+) -> Vec<Spot> {
     let scheme = &settings.scheme;
     let all = vec![true; tracer.scene.materials().len()];
     let service = caches.gloss.as_ref().map(|g| Service::new(&g.tables, &all, scheme));
@@ -61,7 +69,8 @@ fn visible(caches: &mut Caches, tracer: PathTracer, settings: &Settings, others:
         .par_iter()
         .filter_map(|&number| {
             let sample = camera_sample(settings, number, 0, u32::MAX);
-            let (mut point, order, diffuse) = tracer.first_cached(&sample.camera, sample.seed, service.as_ref())?;
+            let (mut point, order, diffuse) =
+                tracer.first_cached(&sample.camera, sample.seed, service.as_ref())?;
             for camera in others {
                 let footprint = pixel_footprint(camera, settings.size, &point);
                 point.footprint = point.footprint.min(footprint.unwrap_or(f32::INFINITY));

@@ -1,13 +1,17 @@
-//! Random numbers that depend on counters alone, low-discrepancy points, and warps with their densities and inverses.
+//! Random numbers that depend on counters alone, low-discrepancy points, and warps with their
+//! densities and inverses.
 
 mod sampler;
 mod warp;
 
 pub use sampler::Sampler;
-pub use warp::{cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square, square_to_cosine_hemisphere, square_to_disk};
+pub use warp::{
+    cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square,
+    square_to_cosine_hemisphere, square_to_disk,
+};
 
-/// Mixes the bits of `x`: every input bit changes about half of the output bits. A bijection on 64 bits (the finaliser of SplitMix64
-/// [Steele14]).
+/// Mixes the bits of `x`: every input bit changes about half of the output bits. A bijection on 64
+/// bits (the finaliser of SplitMix64 [Steele14]).
 #[inline]
 pub fn mix(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -18,9 +22,9 @@ pub fn mix(x: u64) -> u64 {
 /// A hash of a sequence of words, for seeds: `hash(&[pixel, depth, seed])`.
 #[inline]
 pub fn hash(words: &[u64]) -> u64 {
-    words
-        .iter()
-        .fold(0x9e37_79b9_7f4a_7c15, |h, &w| mix(h ^ w.wrapping_mul(0xd6e8_feb8_6659_fd93)).wrapping_add(0x9e37_79b9_7f4a_7c15))
+    words.iter().fold(0x9e37_79b9_7f4a_7c15, |h, &w| {
+        mix(h ^ w.wrapping_mul(0xd6e8_feb8_6659_fd93)).wrapping_add(0x9e37_79b9_7f4a_7c15)
+    })
 }
 
 /// The upper 24 bits of `x` as a number in [0, 1).

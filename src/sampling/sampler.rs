@@ -3,8 +3,9 @@
 use super::{Rng, hash};
 use crate::math::Vec2;
 
-/// Owen-scrambled Sobol points (Burley 2020 [Burley20]), dimension after dimension, for one sample of one pixel; beyond the tabulated dimensions a hashed
-/// stream goes on. A pure function of `(seed, index)`.
+/// Owen-scrambled Sobol points (Burley 2020 [Burley20]), dimension after dimension, for one sample
+/// of one pixel; beyond the tabulated dimensions a hashed stream goes on. A pure function of
+/// `(seed, index)`.
 #[derive(Clone, Debug)]
 pub struct Sampler {
     index: u32,
@@ -20,7 +21,8 @@ pub struct Sampler {
 const SETS: u32 = sobol_burley::NUM_DIMENSION_SETS_4D;
 
 impl Sampler {
-    /// Sample `index` of the sequence that `seed` scrambles: the indices 0..n of one seed are well distributed together.
+    /// Sample `index` of the sequence that `seed` scrambles: the indices 0..n of one seed are well
+    /// distributed together.
     pub fn new(seed: u64, index: u32) -> Self {
         let tail = Rng::new(hash(&[seed, u64::from(index)]));
         Self {

@@ -3,7 +3,8 @@
 use crate::math::{INV_PI, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// The unit square to the unit disk, equal areas to equal areas, neighbours to neighbours (Shirley & Chiu 1997 [Shirley97]).
+/// The unit square to the unit disk, equal areas to equal areas, neighbours to neighbours (Shirley
+/// & Chiu 1997 [Shirley97]).
 #[inline]
 pub fn square_to_disk(u: Vec2) -> Vec2 {
     let (a, b) = (2.0 * u.x - 1.0, 2.0 * u.y - 1.0);
@@ -66,13 +67,17 @@ mod tests {
         for _ in 0..1000 {
             let u = rng.next_2d();
             assert!((disk_to_square(square_to_disk(u)) - u).length() < 1e-5, "{u}");
-            assert!((cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)) - u).length() < 1e-5, "{u}");
+            assert!(
+                (cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)) - u).length() < 1e-5,
+                "{u}"
+            );
         }
     }
 
     #[test]
     fn the_cosine_density_is_the_one_stated() {
-        // E[1/p over the directions above 60 degrees elevation] is their solid angle, 2 pi (1 - cos 30 deg).
+        // E[1/p over the directions above 60 degrees elevation] is their solid angle, 2 pi (1 - cos
+        // 30 deg).
         let mut rng = Rng::new(2);
         let n = 200_000;
         let sum: f64 = (0..n)

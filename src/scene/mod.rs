@@ -26,14 +26,16 @@ pub struct SceneData {
     pub environment: Option<EnvironmentMap>,
     /// The cameras in the file's order.
     pub cameras: Vec<Camera>,
-    /// How the cameras move, in their order; `None` for one that stands still. Empty if nobody looked.
+    /// How the cameras move, in their order; `None` for one that stands still. Empty if nobody
+    /// looked.
     pub motions: Vec<Option<Motion>>,
     /// What the importer wants the user to know, one line each.
     pub warnings: Vec<String>,
 }
 
 impl SceneData {
-    /// A hash of everything that changes the light in the scene, hexadecimal: geometry, materials, textures and lights, not the cameras.
+    /// A hash of everything that changes the light in the scene, hexadecimal: geometry, materials,
+    /// textures and lights, not the cameras.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         self.hashes().values().for_each(|h| {
@@ -42,11 +44,19 @@ impl SceneData {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// What [`SceneData::hash`] is made of, so that a difference can be named: the hashes of `geometry`, of `materials` with their textures, and of `lights`, those
-    /// of emissive materials left out.
+    /// What [`SceneData::hash`] is made of, so that a difference can be named: the hashes of
+    /// `geometry`, of `materials` with their textures, and of `lights`, those of emissive
+    /// materials left out.
     pub fn hashes(&self) -> BTreeMap<String, String> {
-        let parts = [("geometry", self.hash_geometry()), ("lights", self.hash_lights()), ("materials", self.hash_materials())];
-        parts.into_iter().map(|(name, h)| (name.to_owned(), h.finalize().to_hex().to_string())).collect()
+        let parts = [
+            ("geometry", self.hash_geometry()),
+            ("lights", self.hash_lights()),
+            ("materials", self.hash_materials()),
+        ];
+        parts
+            .into_iter()
+            .map(|(name, h)| (name.to_owned(), h.finalize().to_hex().to_string()))
+            .collect()
     }
 
     fn hash_geometry(&self) -> blake3::Hasher {
@@ -72,7 +82,9 @@ impl SceneData {
                 TexturePixels::Rgba8(pixels) => hasher.update(pixels.as_flattened()),
                 TexturePixels::Rgba16(pixels) => hasher.update(bytemuck::cast_slice(pixels)),
             };
-            hasher.update(format!("{:?}{:?}{}", texture.wrap_s, texture.wrap_t, texture.nearest).as_bytes());
+            hasher.update(
+                format!("{:?}{:?}{}", texture.wrap_s, texture.wrap_t, texture.nearest).as_bytes(),
+            );
         }
         hasher.update(format!("{:?}", self.materials).as_bytes());
         hasher
@@ -82,7 +94,10 @@ impl SceneData {
         let mut hasher = blake3::Hasher::new();
         if let Some(map) = &self.environment {
             hasher.update(bytemuck::cast_slice(&map.pixels));
-            hasher.update(format!("{} {} {} {:?}", map.width, map.height, map.scale, map.from_world).as_bytes());
+            hasher.update(
+                format!("{} {} {} {:?}", map.width, map.height, map.scale, map.from_world)
+                    .as_bytes(),
+            );
         }
         hasher.update(format!("{:?}", self.punctual).as_bytes());
         hasher

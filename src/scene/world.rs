@@ -35,12 +35,22 @@ const DOME: Color = Color::splat(0.8);
 impl Scene {
     /// Builds the ray tracing structure and the light sampling of `data`.
     ///
-    /// A scene without any light gets a neutral dome. The returned lines tell the user of that and of what the importer noticed.
+    /// A scene without any light gets a neutral dome. The returned lines tell the user of that and
+    /// of what the importer noticed.
     ///
     /// # Errors
     /// Those of the ray tracing back end.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
-        let SceneData { geometry, materials, textures, punctual, mut environment, cameras, mut warnings, .. } = data;
+        let SceneData {
+            geometry,
+            materials,
+            textures,
+            punctual,
+            mut environment,
+            cameras,
+            mut warnings,
+            ..
+        } = data;
         let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
         let emitters = emitters(&geometry, &materials, &textures);
@@ -52,7 +62,17 @@ impl Scene {
         let lights = Lights::build(&geometry, emitters, punctual, environment, bounds);
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
-        let scene = Self { geometry, materials, textures, cameras, lights, accel, bounds, see_through, any_see_through };
+        let scene = Self {
+            geometry,
+            materials,
+            textures,
+            cameras,
+            lights,
+            accel,
+            bounds,
+            see_through,
+            any_see_through,
+        };
         Ok((scene, warnings))
     }
 
@@ -108,10 +128,13 @@ impl Scene {
     #[inline]
     pub fn emission_is_textured(&self, instance: u32) -> bool {
         let mesh = self.geometry.instances[instance as usize].mesh;
-        self.materials[self.geometry.meshes[mesh as usize].material as usize].emission_texture.is_some()
+        self.materials[self.geometry.meshes[mesh as usize].material as usize]
+            .emission_texture
+            .is_some()
     }
 
-    /// Radiance emitted at barycentric coordinates of a triangle against the direction `dir`, along which it is looked at.
+    /// Radiance emitted at barycentric coordinates of a triangle against the direction `dir`, along
+    /// which it is looked at.
     pub fn emission_at(&self, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3) -> Color {
         self.emission(&interpolate(&self.geometry, instance, triangle, u, v, dir))
     }
@@ -122,7 +145,8 @@ impl Scene {
         self.materials[at.material as usize].shade(&self.textures, at)
     }
 
-    /// What is left of radiance that travelled `distance` to the surface `at`: less than 1 inside an absorbing solid, whose surface is seen from behind.
+    /// What is left of radiance that travelled `distance` to the surface `at`: less than 1 inside
+    /// an absorbing solid, whose surface is seen from behind.
     #[inline]
     pub fn transmittance(&self, at: &SurfacePoint, distance: f32) -> Color {
         if !at.back_face {
@@ -144,7 +168,8 @@ impl Scene {
         Ray { origin: offset_origin(at.position, at.ng, dir), tmin: 0.0, dir, tmax: f32::INFINITY }
     }
 
-    /// What a ray sees first, with surfaces that alpha lets it pass left out; `seed` decides at partly transparent ones. Returns the distance too.
+    /// What a ray sees first, with surfaces that alpha lets it pass left out; `seed` decides at
+    /// partly transparent ones. Returns the distance too.
     pub fn intersect(&self, ray: &Ray, seed: u64) -> Option<(SurfacePoint, f32)> {
         self.resolve(ray, self.accel.intersect(ray), seed)
     }
@@ -164,7 +189,12 @@ impl Scene {
 
     /// Goes on behind the see-through surface at `point`.
     #[cold]
-    fn pass_layers(&self, ray: &Ray, mut point: SurfacePoint, seed: u64) -> Option<(SurfacePoint, f32)> {
+    fn pass_layers(
+        &self,
+        ray: &Ray,
+        mut point: SurfacePoint,
+        seed: u64,
+    ) -> Option<(SurfacePoint, f32)> {
         for _ in 0..MAX_LAYERS {
             let mut next = self.spawn(&point, ray.dir);
             let travelled = (next.origin - ray.origin).dot(ray.dir);
@@ -207,7 +237,8 @@ impl Scene {
         self.accel.occluded(ray) && (!self.any_see_through || self.intersect(ray, seed).is_some())
     }
 
-    /// [`Scene::occluded`] of many rays. Each ray's own numbers decide at partly transparent surfaces, so the answers do not depend on the company it is in.
+    /// [`Scene::occluded`] of many rays. Each ray's own numbers decide at partly transparent
+    /// surfaces, so the answers do not depend on the company it is in.
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
         self.accel.occluded_many(rays, blocked);
         if self.any_see_through {
@@ -245,8 +276,15 @@ fn emitters(geometry: &Geometry, materials: &[Material], textures: &[Texture]) -
     emitters
 }
 
-/// Mean emission over the front of a triangle: exact without a texture, else the mean over a regular grid of its points.
-fn mean_emission(geometry: &Geometry, material: &Material, textures: &[Texture], instance: u32, triangle: u32) -> Color {
+/// Mean emission over the front of a triangle: exact without a texture, else the mean over a
+/// regular grid of its points.
+fn mean_emission(
+    geometry: &Geometry,
+    material: &Material,
+    textures: &[Texture],
+    instance: u32,
+    triangle: u32,
+) -> Color {
     if material.emission_texture.is_none() {
         return material.emission;
     }
@@ -256,8 +294,10 @@ fn mean_emission(geometry: &Geometry, material: &Material, textures: &[Texture],
     let mut sum = Color::ZERO;
     for i in 0..SIDE {
         for j in 0..SIDE - i {
-            let (u, v) = ((i as f32 + 1.0 / 3.0) / SIDE as f32, (j as f32 + 1.0 / 3.0) / SIDE as f32);
-            sum += material.emission_at(textures, &interpolate(geometry, instance, triangle, u, v, towards));
+            let (u, v) =
+                ((i as f32 + 1.0 / 3.0) / SIDE as f32, (j as f32 + 1.0 / 3.0) / SIDE as f32);
+            sum += material
+                .emission_at(textures, &interpolate(geometry, instance, triangle, u, v, towards));
         }
     }
     sum / (SIDE * (SIDE + 1) / 2) as f32

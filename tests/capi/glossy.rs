@@ -1,4 +1,5 @@
-//! Glossy answers: from radiance records where seeds have said from where they are looked at, else by paths.
+//! Glossy answers: from radiance records where seeds have said from where they are looked at, else
+//! by paths.
 
 use super::*;
 
@@ -56,14 +57,27 @@ fn radiance_records_answer_without_paths_and_agree_with_them() {
     let looked = looked(&s, 6000);
     let (recorded, traced) = (built(&s, "auto", &looked, true), built(&s, "auto", &looked, false));
     assert!(stats(recorded.0).radiance_records > 20 && stats(traced.0).radiance_records == 0);
-    assert!(stats(recorded.0).bytes > stats(traced.0).bytes && stats(recorded.0).rays > stats(traced.0).rays);
-    let [[one, irradiance], [many, _], [paths, same]] =
-        [reflected(&recorded, &looked, 1), reflected(&recorded, &looked, 256), reflected(&traced, &looked, 256)];
-    assert!((mean(&irradiance) / mean(&same) - 1.0).abs() < 0.01, "{} {}", mean(&irradiance), mean(&same));
+    assert!(
+        stats(recorded.0).bytes > stats(traced.0).bytes
+            && stats(recorded.0).rays > stats(traced.0).rays
+    );
+    let [[one, irradiance], [many, _], [paths, same]] = [
+        reflected(&recorded, &looked, 1),
+        reflected(&recorded, &looked, 256),
+        reflected(&traced, &looked, 256),
+    ];
+    assert!(
+        (mean(&irradiance) / mean(&same) - 1.0).abs() < 0.01,
+        "{} {}",
+        mean(&irradiance),
+        mean(&same)
+    );
     // Where records answer, the number of paths does not matter.
-    let served: Vec<usize> = (0..one.len()).filter(|&i| one[i] == many[i] && one[i][0] > 0.0).collect();
+    let served: Vec<usize> =
+        (0..one.len()).filter(|&i| one[i] == many[i] && one[i][0] > 0.0).collect();
     assert!(served.len() > 300, "{} points are served", served.len());
-    let [by_records, by_paths] = [&many, &paths].map(|from| mean(&served.iter().map(|&i| from[i]).collect::<Vec<_>>()));
+    let [by_records, by_paths] =
+        [&many, &paths].map(|from| mean(&served.iter().map(|&i| from[i]).collect::<Vec<_>>()));
     println!("{} points by records {by_records:.4}, by paths {by_paths:.4}", served.len());
     assert!((by_records / by_paths - 1.0).abs() < 0.02, "{by_records} {by_paths}");
     // Cleared, the cache knows nothing of them.
@@ -84,7 +98,12 @@ fn presets_are_whole_here_too() {
     let [_, irradiance] = reflected(&zhao, &looked, 1);
     let known = irradiance.iter().filter(|e| e[0] > 0.0).count();
     assert!(known * 100 > 99 * irradiance.len(), "{known} of {}", irradiance.len());
-    assert!((mean(&irradiance) / mean(&expected) - 1.0).abs() < 0.03, "{} {}", mean(&irradiance), mean(&expected));
+    assert!(
+        (mean(&irradiance) / mean(&expected) - 1.0).abs() < 0.03,
+        "{} {}",
+        mean(&irradiance),
+        mean(&expected)
+    );
     // Refinement makes more records.
     let refined = built(&s, "krivanek06", &looked, false);
     let mut c = null_mut();
@@ -107,5 +126,9 @@ fn pictures_leave_their_records_for_questions() {
     let after = stats(c.0);
     assert!(after.radiance_records > 0, "{} irradiance records alone", after.records);
     ok(unsafe { lumi_cache_render(c.0, &raw const desc, null(), 0) });
-    assert_eq!(stats(c.0).radiance_records, after.radiance_records, "the same picture needs no more");
+    assert_eq!(
+        stats(c.0).radiance_records,
+        after.radiance_records,
+        "the same picture needs no more"
+    );
 }

@@ -3,7 +3,8 @@
 use super::*;
 use std::sync::atomic::AtomicU64;
 
-/// A closed shell of radius 1 with albedo 0.5 and reflected direct radiance 0.5, seen from inside: the indirect irradiance is pi. How it misbehaves is in `lie`.
+/// A closed shell of radius 1 with albedo 0.5 and reflected direct radiance 0.5, seen from inside:
+/// the indirect irradiance is pi. How it misbehaves is in `lie`.
 pub(super) struct Shell {
     lie: AtomicU32,
     calls: AtomicU64,
@@ -19,8 +20,10 @@ pub(super) unsafe extern "C" fn shell(user: *mut c_void, batch: *mut lumi_ray_ba
     let lie = host.lie.load(Ordering::Relaxed);
     for i in 0..b.n as usize {
         unsafe {
-            let (o, d) =
-                (Vec3::from(b.origin.cast::<[f32; 3]>().add(i).read()), Vec3::from(b.dir.cast::<[f32; 3]>().add(i).read()));
+            let (o, d) = (
+                Vec3::from(b.origin.cast::<[f32; 3]>().add(i).read()),
+                Vec3::from(b.dir.cast::<[f32; 3]>().add(i).read()),
+            );
             assert!((d.length() - 1.0).abs() < 1e-4 && *b.bounce.add(i) >= 1);
             let half = o.dot(d);
             let t = -half + (half * half - o.length_squared() + 1.0).max(0.0).sqrt();
@@ -69,7 +72,12 @@ pub(super) fn host_scene(device: &Device, host: &Shell, flags: u32, max_batch: u
 }
 
 pub(super) fn honest() -> Shell {
-    Shell { lie: AtomicU32::new(0), calls: AtomicU64::new(0), largest: AtomicU32::new(0), threads: Default::default() }
+    Shell {
+        lie: AtomicU32::new(0),
+        calls: AtomicU64::new(0),
+        largest: AtomicU32::new(0),
+        threads: Default::default(),
+    }
 }
 
 /// Points of the shell.
@@ -98,14 +106,24 @@ fn a_host_traces_and_the_answer_is_right() {
         assert!((mean / std::f32::consts::PI - 1.0).abs() < 0.02, "{mean}");
         let callers = host.threads.lock().unwrap();
         if flags == 0 {
-            assert_eq!(callers.iter().copied().collect::<Vec<_>>(), [std::thread::current().id()], "called from another thread");
+            assert_eq!(
+                callers.iter().copied().collect::<Vec<_>>(),
+                [std::thread::current().id()],
+                "called from another thread"
+            );
         } else {
             assert!(!callers.contains(&std::thread::current().id()));
         }
         let largest = host.largest.load(Ordering::Relaxed);
-        assert!(if max_batch > 0 { largest <= max_batch } else { largest > 300 }, "batches of up to {largest} rays");
+        assert!(
+            if max_batch > 0 { largest <= max_batch } else { largest > 300 },
+            "batches of up to {largest} rays"
+        );
         let s = stats(c.0);
-        assert_eq!((s.host_calls, s.host_rays > s.rays), (host.calls.load(Ordering::Relaxed), true));
+        assert_eq!(
+            (s.host_calls, s.host_rays > s.rays),
+            (host.calls.load(Ordering::Relaxed), true)
+        );
         // Neither batches nor threads change a bit.
         assert!(
             bits(&a.irradiance) == *first.get_or_insert_with(|| bits(&a.irradiance)),
@@ -130,9 +148,17 @@ fn a_failing_or_lying_host_is_an_error_and_the_cache_lives_on() {
         for lie in 1..=11 {
             host.lie.store(lie, Ordering::Relaxed);
             let c = cache(&s);
-            fails(build(c.0, &points), LUMI_ERROR_HOST_CALLBACK, if lie == 1 { "code 7" } else { "tracer" });
+            fails(
+                build(c.0, &points),
+                LUMI_ERROR_HOST_CALLBACK,
+                if lie == 1 { "code 7" } else { "tracer" },
+            );
             let query = lumi_query { flags: LUMI_QUERY_FILL, ..query_of(&points) };
-            fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_HOST_CALLBACK, "tracer");
+            fails(
+                unsafe { lumi_cache_query(c.0, &raw const query) },
+                LUMI_ERROR_HOST_CALLBACK,
+                "tracer",
+            );
             assert_eq!(stats(c.0).records, 0);
             host.lie.store(0, Ordering::Relaxed);
             ok(build(c.0, &points));

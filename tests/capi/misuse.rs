@@ -24,7 +24,8 @@ static PIXEL: [u8; 4] = [255; 4];
 fn sound() -> Sound {
     let mut material: lumi_material_desc = sized();
     ok(unsafe { lumi_material_init(&raw mut material) });
-    let view = |data: *const c_void, count, format| lumi_view { data, count, stride: 0, format, flags: 0 };
+    let view =
+        |data: *const c_void, count, format| lumi_view { data, count, stride: 0, format, flags: 0 };
     let floats = TRIANGLE.as_ptr().cast::<f32>();
     Sound {
         mesh: lumi_mesh_desc {
@@ -36,7 +37,13 @@ fn sound() -> Sound {
         texture: lumi_texture_desc { width: 1, height: 1, pixels: PIXEL.as_ptr(), ..sized() },
         light: lumi_light_desc { intensity: [1.0; 3], direction: [0.0, -1.0, 0.0], ..sized() },
         host: lumi_host_desc { bounds_max: [1.0; 3], trace: Some(shell), ..sized() },
-        query: lumi_query { n: 3, position: floats, normal: unsafe { floats.add(3) }, normal_stride: 0, ..sized() },
+        query: lumi_query {
+            n: 3,
+            position: floats,
+            normal: unsafe { floats.add(3) },
+            normal_stride: 0,
+            ..sized()
+        },
         trace: lumi_trace_desc { n: 3, origin: floats, dir: floats, ..sized() },
         render: lumi_render_desc { width: 4, height: 4, yfov: 1.0, camera: UNIT, ..sized() },
     }
@@ -48,9 +55,20 @@ fn device_calls<'a>() -> Vec<Call<'a>> {
     vec![
         ("lumi_device_retain", Box::new(|h| none(|| unsafe { lumi_device_retain(h.cast()) }))),
         ("lumi_device_release", Box::new(|h| none(|| unsafe { lumi_device_release(h.cast()) }))),
-        ("lumi_device_set_log", Box::new(|h| Some(unsafe { lumi_device_set_log(h.cast(), None, null_mut()) }))),
-        ("lumi_device_get_backend", Box::new(|h| Some(unsafe { lumi_device_get_backend(h.cast(), [0; 64].as_mut_ptr(), 64) }))),
-        ("lumi_scene_new", Box::new(|h| Some(unsafe { lumi_scene_new(h.cast(), &mut null_mut()) }))),
+        (
+            "lumi_device_set_log",
+            Box::new(|h| Some(unsafe { lumi_device_set_log(h.cast(), None, null_mut()) })),
+        ),
+        (
+            "lumi_device_get_backend",
+            Box::new(|h| {
+                Some(unsafe { lumi_device_get_backend(h.cast(), [0; 64].as_mut_ptr(), 64) })
+            }),
+        ),
+        (
+            "lumi_scene_new",
+            Box::new(|h| Some(unsafe { lumi_scene_new(h.cast(), &mut null_mut()) })),
+        ),
     ]
 }
 
@@ -64,27 +82,63 @@ fn scene_calls(x: &Sound) -> Vec<Call<'_>> {
     vec![
         ("lumi_scene_retain", Box::new(|h| none(|| unsafe { lumi_scene_retain(h.cast()) }))),
         ("lumi_scene_release", Box::new(|h| none(|| unsafe { lumi_scene_release(h.cast()) }))),
-        ("lumi_scene_load_gltf", Box::new(|h| Some(unsafe { lumi_scene_load_gltf(h.cast(), c"a.gltf".as_ptr()) }))),
-        ("lumi_scene_add_mesh", Box::new(|h| Some(unsafe { lumi_scene_add_mesh(h.cast(), &raw const x.mesh, null_mut()) }))),
-        ("lumi_scene_add_instance", Box::new(|h| Some(unsafe { lumi_scene_add_instance(h.cast(), 0, UNIT.as_ptr()) }))),
+        (
+            "lumi_scene_load_gltf",
+            Box::new(|h| Some(unsafe { lumi_scene_load_gltf(h.cast(), c"a.gltf".as_ptr()) })),
+        ),
+        (
+            "lumi_scene_add_mesh",
+            Box::new(|h| {
+                Some(unsafe { lumi_scene_add_mesh(h.cast(), &raw const x.mesh, null_mut()) })
+            }),
+        ),
+        (
+            "lumi_scene_add_instance",
+            Box::new(|h| Some(unsafe { lumi_scene_add_instance(h.cast(), 0, UNIT.as_ptr()) })),
+        ),
         (
             "lumi_scene_add_material",
-            Box::new(|h| Some(unsafe { lumi_scene_add_material(h.cast(), &raw const x.material, null_mut()) })),
+            Box::new(|h| {
+                Some(unsafe {
+                    lumi_scene_add_material(h.cast(), &raw const x.material, null_mut())
+                })
+            }),
         ),
         (
             "lumi_scene_add_texture",
-            Box::new(|h| Some(unsafe { lumi_scene_add_texture(h.cast(), &raw const x.texture, null_mut()) })),
+            Box::new(|h| {
+                Some(unsafe { lumi_scene_add_texture(h.cast(), &raw const x.texture, null_mut()) })
+            }),
         ),
-        ("lumi_scene_add_light", Box::new(|h| Some(unsafe { lumi_scene_add_light(h.cast(), &raw const x.light) }))),
+        (
+            "lumi_scene_add_light",
+            Box::new(|h| Some(unsafe { lumi_scene_add_light(h.cast(), &raw const x.light) })),
+        ),
         (
             "lumi_scene_set_environment",
-            Box::new(|h| Some(unsafe { lumi_scene_set_environment(h.cast(), UNIT.as_ptr(), 1, 1, null()) })),
+            Box::new(|h| {
+                Some(unsafe { lumi_scene_set_environment(h.cast(), UNIT.as_ptr(), 1, 1, null()) })
+            }),
         ),
-        ("lumi_scene_set_host", Box::new(|h| Some(unsafe { lumi_scene_set_host(h.cast(), &raw const x.host) }))),
+        (
+            "lumi_scene_set_host",
+            Box::new(|h| Some(unsafe { lumi_scene_set_host(h.cast(), &raw const x.host) })),
+        ),
         ("lumi_scene_commit", Box::new(|h| Some(unsafe { lumi_scene_commit(h.cast()) }))),
-        ("lumi_scene_get_info", Box::new(|h| Some(unsafe { lumi_scene_get_info(h.cast(), &mut sized::<lumi_scene_info>()) }))),
-        ("lumi_scene_trace", Box::new(|h| Some(unsafe { lumi_scene_trace(h.cast(), &raw const x.trace) }))),
-        ("lumi_cache_new", Box::new(|h| Some(unsafe { lumi_cache_new(h.cast(), null(), &mut null_mut()) }))),
+        (
+            "lumi_scene_get_info",
+            Box::new(|h| {
+                Some(unsafe { lumi_scene_get_info(h.cast(), &mut sized::<lumi_scene_info>()) })
+            }),
+        ),
+        (
+            "lumi_scene_trace",
+            Box::new(|h| Some(unsafe { lumi_scene_trace(h.cast(), &raw const x.trace) })),
+        ),
+        (
+            "lumi_cache_new",
+            Box::new(|h| Some(unsafe { lumi_cache_new(h.cast(), null(), &mut null_mut()) })),
+        ),
     ]
 }
 
@@ -92,26 +146,75 @@ fn cache_calls(x: &Sound) -> Vec<Call<'_>> {
     vec![
         ("lumi_cache_retain", Box::new(|h| none(|| unsafe { lumi_cache_retain(h.cast()) }))),
         ("lumi_cache_release", Box::new(|h| none(|| unsafe { lumi_cache_release(h.cast()) }))),
-        ("lumi_cache_set_f32", Box::new(|h| Some(unsafe { lumi_cache_set_f32(h.cast(), c"error".as_ptr(), 0.3) }))),
-        ("lumi_cache_set_i32", Box::new(|h| Some(unsafe { lumi_cache_set_i32(h.cast(), c"rays".as_ptr(), 64) }))),
-        ("lumi_cache_set_str", Box::new(|h| Some(unsafe { lumi_cache_set_str(h.cast(), c"preset".as_ptr(), c"auto".as_ptr()) }))),
-        ("lumi_cache_set_progress", Box::new(|h| Some(unsafe { lumi_cache_set_progress(h.cast(), None, null_mut()) }))),
-        ("lumi_cache_build", Box::new(|h| Some(unsafe { lumi_cache_build(h.cast(), &raw const x.query) }))),
-        ("lumi_cache_query", Box::new(|h| Some(unsafe { lumi_cache_query(h.cast(), &raw const x.query) }))),
+        (
+            "lumi_cache_set_f32",
+            Box::new(|h| Some(unsafe { lumi_cache_set_f32(h.cast(), c"error".as_ptr(), 0.3) })),
+        ),
+        (
+            "lumi_cache_set_i32",
+            Box::new(|h| Some(unsafe { lumi_cache_set_i32(h.cast(), c"rays".as_ptr(), 64) })),
+        ),
+        (
+            "lumi_cache_set_str",
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_set_str(h.cast(), c"preset".as_ptr(), c"auto".as_ptr()) })
+            }),
+        ),
+        (
+            "lumi_cache_set_progress",
+            Box::new(|h| Some(unsafe { lumi_cache_set_progress(h.cast(), None, null_mut()) })),
+        ),
+        (
+            "lumi_cache_build",
+            Box::new(|h| Some(unsafe { lumi_cache_build(h.cast(), &raw const x.query) })),
+        ),
+        (
+            "lumi_cache_query",
+            Box::new(|h| Some(unsafe { lumi_cache_query(h.cast(), &raw const x.query) })),
+        ),
         ("lumi_cache_freeze", Box::new(|h| Some(unsafe { lumi_cache_freeze(h.cast()) }))),
-        ("lumi_cache_save", Box::new(|h| Some(unsafe { lumi_cache_save(h.cast(), c"/a".as_ptr()) }))),
-        ("lumi_cache_load", Box::new(|h| Some(unsafe { lumi_cache_load(h.cast(), c"/a".as_ptr(), 0) }))),
-        ("lumi_cache_merge", Box::new(|h| Some(unsafe { lumi_cache_merge(h.cast(), h.cast(), 0) }))),
+        (
+            "lumi_cache_save",
+            Box::new(|h| Some(unsafe { lumi_cache_save(h.cast(), c"/a".as_ptr()) })),
+        ),
+        (
+            "lumi_cache_load",
+            Box::new(|h| Some(unsafe { lumi_cache_load(h.cast(), c"/a".as_ptr(), 0) })),
+        ),
+        (
+            "lumi_cache_merge",
+            Box::new(|h| Some(unsafe { lumi_cache_merge(h.cast(), h.cast(), 0) })),
+        ),
         ("lumi_cache_clear", Box::new(|h| Some(unsafe { lumi_cache_clear(h.cast()) }))),
-        ("lumi_cache_get_stats", Box::new(|h| Some(unsafe { lumi_cache_get_stats(h.cast(), &mut sized::<lumi_stats>()) }))),
-        ("lumi_cache_get_records", Box::new(|h| Some(unsafe { lumi_cache_get_records(h.cast(), 0, 0, null_mut(), &mut 0) }))),
-        ("lumi_cache_render", Box::new(|h| Some(unsafe { lumi_cache_render(h.cast(), &raw const x.render, null(), 0) }))),
+        (
+            "lumi_cache_get_stats",
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_get_stats(h.cast(), &mut sized::<lumi_stats>()) })
+            }),
+        ),
+        (
+            "lumi_cache_get_records",
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_get_records(h.cast(), 0, 0, null_mut(), &mut 0) })
+            }),
+        ),
+        (
+            "lumi_cache_render",
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_render(h.cast(), &raw const x.render, null(), 0) })
+            }),
+        ),
     ]
 }
 
 /// The functions that take no handle first.
-const WITHOUT_HANDLE: &[&str] =
-    &["lumi_get_abi_version", "lumi_get_version_string", "lumi_get_last_error", "lumi_device_new", "lumi_material_init"];
+const WITHOUT_HANDLE: &[&str] = &[
+    "lumi_get_abi_version",
+    "lumi_get_version_string",
+    "lumi_get_last_error",
+    "lumi_device_new",
+    "lumi_material_init",
+];
 
 #[test]
 fn handles_that_are_none_released_or_of_another_kind() {
@@ -126,18 +229,29 @@ fn handles_that_are_none_released_or_of_another_kind() {
         let c = cache(&s);
         gone.extend([d.0.cast::<c_void>(), s.0.cast(), c.0.cast()]);
     }
-    let wild = [1_usize, 0x10, 0x4c55, usize::MAX, 0xdead_beef_0000_4c55].map(std::ptr::without_provenance_mut::<c_void>);
+    let wild = [1_usize, 0x10, 0x4c55, usize::MAX, 0xdead_beef_0000_4c55]
+        .map(std::ptr::without_provenance_mut::<c_void>);
     let live = [d.0.cast::<c_void>(), s.0.cast(), c.0.cast()];
-    let groups = [("device", device_calls()), ("scene", scene_calls(&x)), ("cache", cache_calls(&x))];
+    let groups =
+        [("device", device_calls()), ("scene", scene_calls(&x)), ("cache", cache_calls(&x))];
     let mut names: Vec<&str> = WITHOUT_HANDLE.to_vec();
     for (kind, (what, calls)) in groups.iter().enumerate() {
         for (name, call) in calls {
             names.push(name);
             let null: &[*mut c_void] = &[null_mut()];
-            let others: Vec<_> = live.iter().copied().enumerate().filter(|(k, _)| *k != kind).map(|(_, h)| h).collect();
-            for (handles, word) in
-                [(null, "NULL"), (&wild[..], "no handle"), (&gone[..], "released"), (&others[..], "was expected")]
-            {
+            let others: Vec<_> = live
+                .iter()
+                .copied()
+                .enumerate()
+                .filter(|(k, _)| *k != kind)
+                .map(|(_, h)| h)
+                .collect();
+            for (handles, word) in [
+                (null, "NULL"),
+                (&wild[..], "no handle"),
+                (&gone[..], "released"),
+                (&others[..], "was expected"),
+            ] {
                 for &handle in handles {
                     let code = call(handle);
                     let (told, message) = last();
@@ -151,7 +265,9 @@ fn handles_that_are_none_released_or_of_another_kind() {
                         "{name}: {message}"
                     );
                     assert!(
-                        message.starts_with(&format!("{name}: ")) && message.contains(what) && message.contains(word),
+                        message.starts_with(&format!("{name}: "))
+                            && message.contains(what)
+                            && message.contains(word),
                         "{message}"
                     );
                 }
@@ -162,8 +278,14 @@ fn handles_that_are_none_released_or_of_another_kind() {
     ok(unsafe { lumi_device_get_backend(d.0, [0; 64].as_mut_ptr(), 64) });
     assert_eq!(stats(c.0).records, 0);
     // No function was forgotten.
-    let header = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ffi/include/lumicache.h")).unwrap();
-    let missing: Vec<_> = crate::header::declared(&header).into_iter().filter(|n| !names.contains(&n.as_str())).collect();
+    let header = std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("ffi/include/lumicache.h"),
+    )
+    .unwrap();
+    let missing: Vec<_> = crate::header::declared(&header)
+        .into_iter()
+        .filter(|n| !names.contains(&n.as_str()))
+        .collect();
     assert!(missing.is_empty(), "{missing:?}");
 }
 
@@ -178,7 +300,11 @@ fn references_are_counted() {
     let s = empty_scene(&d);
     let handle = d.0;
     drop(d);
-    fails(unsafe { lumi_device_get_backend(handle, [0; 64].as_mut_ptr(), 64) }, LUMI_ERROR_INVALID_ARGUMENT, "released");
+    fails(
+        unsafe { lumi_device_get_backend(handle, [0; 64].as_mut_ptr(), 64) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "released",
+    );
     // The scene keeps what it needs of its device.
     ok(unsafe { lumi_scene_commit(s.0) });
     let c = cache(&s);
@@ -193,11 +319,25 @@ fn versions_and_sizes_of_structs() {
         fails(unsafe { lumi_device_new(version, null(), &raw mut d) }, LUMI_ERROR_VERSION, "ABI");
         assert!(d.is_null());
     }
-    for config in ["threads=many", "threads=-1", "threads=99999", "backend=none", "colour=red", "\u{1}"] {
-        fails(unsafe { lumi_device_new(LUMI_ABI_VERSION, text(config).as_ptr(), &raw mut d) }, LUMI_ERROR_INVALID_ARGUMENT, "");
+    for config in
+        ["threads=many", "threads=-1", "threads=99999", "backend=none", "colour=red", "\u{1}"]
+    {
+        fails(
+            unsafe { lumi_device_new(LUMI_ABI_VERSION, text(config).as_ptr(), &raw mut d) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "",
+        );
     }
-    fails(unsafe { lumi_device_new(LUMI_ABI_VERSION, c"\xff".as_ptr(), &raw mut d) }, LUMI_ERROR_INVALID_ARGUMENT, "UTF-8");
-    fails(unsafe { lumi_device_new(LUMI_ABI_VERSION, null(), null_mut()) }, LUMI_ERROR_INVALID_ARGUMENT, "place");
+    fails(
+        unsafe { lumi_device_new(LUMI_ABI_VERSION, c"\xff".as_ptr(), &raw mut d) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "UTF-8",
+    );
+    fails(
+        unsafe { lumi_device_new(LUMI_ABI_VERSION, null(), null_mut()) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "place",
+    );
 
     let (d, mut x) = (device("threads=1"), sound());
     let (scene, description) = (loaded(&d, "cornell-box"), empty_scene(&d));
@@ -210,24 +350,42 @@ fn versions_and_sizes_of_structs() {
     let calls: Vec<Sized> = vec![
         (
             unsafe { (&raw mut (*p).mesh).cast() },
-            Box::new(move || unsafe { lumi_scene_add_mesh(draft, &raw const (*p).mesh, null_mut()) }),
+            Box::new(move || unsafe {
+                lumi_scene_add_mesh(draft, &raw const (*p).mesh, null_mut())
+            }),
         ),
         (
             unsafe { (&raw mut (*p).material).cast() },
-            Box::new(move || unsafe { lumi_scene_add_material(draft, &raw const (*p).material, null_mut()) }),
+            Box::new(move || unsafe {
+                lumi_scene_add_material(draft, &raw const (*p).material, null_mut())
+            }),
         ),
         (
             unsafe { (&raw mut (*p).texture).cast() },
-            Box::new(move || unsafe { lumi_scene_add_texture(draft, &raw const (*p).texture, null_mut()) }),
+            Box::new(move || unsafe {
+                lumi_scene_add_texture(draft, &raw const (*p).texture, null_mut())
+            }),
         ),
         (
             unsafe { (&raw mut (*p).light).cast() },
             Box::new(move || unsafe { lumi_scene_add_light(draft, &raw const (*p).light) }),
         ),
-        (unsafe { (&raw mut (*p).host).cast() }, Box::new(move || unsafe { lumi_scene_set_host(draft, &raw const (*p).host) })),
-        (unsafe { (&raw mut (*p).trace).cast() }, Box::new(move || unsafe { lumi_scene_trace(s, &raw const (*p).trace) })),
-        (unsafe { (&raw mut (*p).query).cast() }, Box::new(move || unsafe { lumi_cache_query(c, &raw const (*p).query) })),
-        (unsafe { (&raw mut (*p).query).cast() }, Box::new(move || unsafe { lumi_cache_build(c, &raw const (*p).query) })),
+        (
+            unsafe { (&raw mut (*p).host).cast() },
+            Box::new(move || unsafe { lumi_scene_set_host(draft, &raw const (*p).host) }),
+        ),
+        (
+            unsafe { (&raw mut (*p).trace).cast() },
+            Box::new(move || unsafe { lumi_scene_trace(s, &raw const (*p).trace) }),
+        ),
+        (
+            unsafe { (&raw mut (*p).query).cast() },
+            Box::new(move || unsafe { lumi_cache_query(c, &raw const (*p).query) }),
+        ),
+        (
+            unsafe { (&raw mut (*p).query).cast() },
+            Box::new(move || unsafe { lumi_cache_build(c, &raw const (*p).query) }),
+        ),
         (
             unsafe { (&raw mut (*p).render).cast() },
             Box::new(move || unsafe { lumi_cache_render(c, &raw const (*p).render, null(), 0) }),
@@ -251,8 +409,16 @@ fn versions_and_sizes_of_structs() {
     // NULL in the place of every struct.
     unsafe {
         fails(lumi_scene_add_mesh(draft, null(), null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
-        fails(lumi_scene_add_material(draft, null(), null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
-        fails(lumi_scene_add_texture(draft, null(), null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
+        fails(
+            lumi_scene_add_material(draft, null(), null_mut()),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "NULL",
+        );
+        fails(
+            lumi_scene_add_texture(draft, null(), null_mut()),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "NULL",
+        );
         fails(lumi_scene_add_light(draft, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_scene_set_host(draft, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_material_init(null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
@@ -264,9 +430,17 @@ fn versions_and_sizes_of_structs() {
         fails(lumi_cache_query(c, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_build(c, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_render(c, null(), null(), 0), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
-        fails(lumi_cache_render(c, &raw const x.render, null(), 1), LUMI_ERROR_INVALID_ARGUMENT, "layers");
+        fails(
+            lumi_cache_render(c, &raw const x.render, null(), 1),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "layers",
+        );
         fails(lumi_cache_get_stats(c, null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
-        fails(lumi_cache_get_records(c, 0, 1, null_mut(), null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
+        fails(
+            lumi_cache_get_records(c, 0, 1, null_mut(), null_mut()),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "NULL",
+        );
         fails(lumi_cache_save(c, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_load(c, null(), 0), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_load(c, c"".as_ptr(), 0), LUMI_ERROR_INVALID_ARGUMENT, "empty");
@@ -274,9 +448,17 @@ fn versions_and_sizes_of_structs() {
         fails(lumi_cache_merge(c, null_mut(), 0), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_set_f32(c, null(), 1.0), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_cache_set_i32(c, null(), 1), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
-        fails(lumi_cache_set_str(c, c"preset".as_ptr(), null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
+        fails(
+            lumi_cache_set_str(c, c"preset".as_ptr(), null()),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "NULL",
+        );
         fails(lumi_device_get_backend(d.0, null_mut(), 9), LUMI_ERROR_INVALID_ARGUMENT, "room");
-        fails(lumi_device_get_backend(d.0, [1; 1].as_mut_ptr(), 0), LUMI_ERROR_INVALID_ARGUMENT, "room");
+        fails(
+            lumi_device_get_backend(d.0, [1; 1].as_mut_ptr(), 0),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "room",
+        );
     }
     // A struct of a later version is taken if what it adds is not used.
     #[repr(C)]
@@ -285,7 +467,11 @@ fn versions_and_sizes_of_structs() {
     longer.0.struct_size = size_of::<Longer<lumi_light_desc>>() as u32;
     ok(unsafe { lumi_scene_add_light(draft, (&raw const longer).cast()) });
     longer.1 = 1;
-    fails(unsafe { lumi_scene_add_light(draft, (&raw const longer).cast()) }, LUMI_ERROR_UNSUPPORTED, "does not know");
+    fails(
+        unsafe { lumi_scene_add_light(draft, (&raw const longer).cast()) },
+        LUMI_ERROR_UNSUPPORTED,
+        "does not know",
+    );
 }
 
 #[test]
@@ -303,19 +489,42 @@ fn counts_and_numbers_that_cannot_be() {
     ok(unsafe { lumi_scene_trace(s.0, &sized::<lumi_trace_desc>()) });
     for n in [usize::MAX, usize::MAX / 2, 1 << 40, 1 << 33] {
         let query = lumi_query { n, ..x.query };
-        fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "more than can be");
-        fails(unsafe { lumi_cache_build(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "more than can be");
+        fails(
+            unsafe { lumi_cache_query(c.0, &raw const query) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "more than can be",
+        );
+        fails(
+            unsafe { lumi_cache_build(c.0, &raw const query) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "more than can be",
+        );
         let trace = lumi_trace_desc { n, ..x.trace };
-        fails(unsafe { lumi_scene_trace(s.0, &raw const trace) }, LUMI_ERROR_INVALID_ARGUMENT, "more than can be");
+        fails(
+            unsafe { lumi_scene_trace(s.0, &raw const trace) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "more than can be",
+        );
     }
-    for (position_stride, word) in
-        [(1, "apart"), (11, "apart"), (usize::MAX, "more than can be"), (usize::MAX / 2, "more than can be")]
-    {
+    for (position_stride, word) in [
+        (1, "apart"),
+        (11, "apart"),
+        (usize::MAX, "more than can be"),
+        (usize::MAX / 2, "more than can be"),
+    ] {
         let query = lumi_query { position_stride, ..x.query };
-        fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, word);
+        fails(
+            unsafe { lumi_cache_query(c.0, &raw const query) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            word,
+        );
     }
     let query = lumi_query { position: null(), ..x.query };
-    fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "position is NULL");
+    fails(
+        unsafe { lumi_cache_query(c.0, &raw const query) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "position is NULL",
+    );
     let query = lumi_query { flags: 1 << 20, ..x.query };
     fails(unsafe { lumi_cache_query(c.0, &raw const query) }, LUMI_ERROR_INVALID_ARGUMENT, "flags");
 
@@ -329,10 +538,13 @@ fn counts_and_numbers_that_cannot_be() {
         let a = ask(c.0, &spoiled, flags);
         let rejected: Vec<bool> = a.status.iter().map(|s| *s == LUMI_POINT_REJECTED).collect();
         assert_eq!(rejected, [false, true, true, true, true, false]);
-        assert!(a.irradiance.iter().flatten().all(|e| e.is_finite()) && a.irradiance[1] == [0.0; 3]);
+        assert!(
+            a.irradiance.iter().flatten().all(|e| e.is_finite()) && a.irradiance[1] == [0.0; 3]
+        );
     }
     let footprints = [f32::NAN, -1.0, 0.0, f32::INFINITY, 1e30, 1e-30];
-    let query = lumi_query { footprint: footprints.as_ptr(), flags: LUMI_QUERY_FILL, ..query_of(&spoiled) };
+    let query =
+        lumi_query { footprint: footprints.as_ptr(), flags: LUMI_QUERY_FILL, ..query_of(&spoiled) };
     ok(unsafe { lumi_cache_query(c.0, &raw const query) });
 
     type Spoil<'a, T> = &'a [(&'static str, fn(&mut T))];
@@ -356,14 +568,24 @@ fn counts_and_numbers_that_cannot_be() {
         ("apart", |m| m.indices.stride = 3),
         ("material 5", |m| m.material = 5),
         ("normals", |m| m.normals = lumi_view { count: 2, ..m.positions }),
-        ("triangle_materials", |m| m.triangle_materials = lumi_view { count: 2, format: LUMI_FORMAT_U32, ..m.positions }),
+        ("triangle_materials", |m| {
+            m.triangle_materials = lumi_view { count: 2, format: LUMI_FORMAT_U32, ..m.positions }
+        }),
         ("no finite", |m| m.positions.data = NAN.as_ptr().cast()),
     ];
     each(&x.mesh, spoil, mesh);
-    fails(unsafe { lumi_scene_add_instance(draft.0, 0, UNIT.as_ptr()) }, LUMI_ERROR_INVALID_ARGUMENT, "no mesh 0");
+    fails(
+        unsafe { lumi_scene_add_instance(draft.0, 0, UNIT.as_ptr()) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "no mesh 0",
+    );
     ok(mesh(&x.mesh));
     for matrix in [[0.0_f32; 12], [f32::NAN; 12], [f32::INFINITY; 12]] {
-        fails(unsafe { lumi_scene_add_instance(draft.0, 0, matrix.as_ptr()) }, LUMI_ERROR_INVALID_ARGUMENT, "to_world");
+        fails(
+            unsafe { lumi_scene_add_instance(draft.0, 0, matrix.as_ptr()) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "to_world",
+        );
     }
     // What is shared is looked at by the commit, which can be tried again.
     let shared = empty_scene(&d);
@@ -432,11 +654,17 @@ fn counts_and_numbers_that_cannot_be() {
     ];
     each(&x.render, spoil, |r| unsafe { lumi_cache_render(c.0, r, null(), 0) });
     let mut room = [0.0_f32; 64];
-    for (name, channels, data, word) in
-        [(c"beauty", 4, room.as_mut_ptr(), "no layer"), (c"", 3, room.as_mut_ptr(), "channels"), (c"", 4, null_mut(), "NULL")]
-    {
+    for (name, channels, data, word) in [
+        (c"beauty", 4, room.as_mut_ptr(), "no layer"),
+        (c"", 3, room.as_mut_ptr(), "channels"),
+        (c"", 4, null_mut(), "NULL"),
+    ] {
         let layer = lumi_layer { name: name.as_ptr(), data, channels, reserved: 0 };
-        fails(unsafe { lumi_cache_render(c.0, &raw const x.render, &raw const layer, 1) }, LUMI_ERROR_INVALID_ARGUMENT, word);
+        fails(
+            unsafe { lumi_cache_render(c.0, &raw const x.render, &raw const layer, 1) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            word,
+        );
     }
 }
 
@@ -453,44 +681,107 @@ fn things_done_in_the_wrong_order() {
     let mut c = null_mut();
     let operation = LUMI_ERROR_INVALID_OPERATION;
     fails(unsafe { lumi_cache_new(draft.0, null(), &raw mut c) }, operation, "not committed");
-    fails(unsafe { lumi_scene_get_info(draft.0, &mut sized::<lumi_scene_info>()) }, operation, "not committed");
+    fails(
+        unsafe { lumi_scene_get_info(draft.0, &mut sized::<lumi_scene_info>()) },
+        operation,
+        "not committed",
+    );
     fails(unsafe { lumi_scene_trace(draft.0, &raw const x.trace) }, operation, "not committed");
     let s = loaded(&d, "cornell-box");
     fails(unsafe { lumi_scene_add_light(s.0, &raw const x.light) }, operation, "committed");
-    fails(unsafe { lumi_scene_load_gltf(s.0, text(&own("cornell-box")).as_ptr()) }, operation, "committed");
+    fails(
+        unsafe { lumi_scene_load_gltf(s.0, text(&own("cornell-box")).as_ptr()) },
+        operation,
+        "committed",
+    );
     fails(unsafe { lumi_scene_set_host(s.0, &raw const x.host) }, operation, "committed");
     ok(unsafe { lumi_scene_add_material(draft.0, &raw const x.material, null_mut()) });
     fails(unsafe { lumi_scene_set_host(draft.0, &raw const x.host) }, operation, "not the host's");
-    fails(unsafe { lumi_scene_load_gltf(draft.0, text(&own("cornell-box")).as_ptr()) }, operation, "not empty");
+    fails(
+        unsafe { lumi_scene_load_gltf(draft.0, text(&own("cornell-box")).as_ptr()) },
+        operation,
+        "not empty",
+    );
     let file = empty_scene(&d);
-    fails(unsafe { lumi_scene_load_gltf(file.0, c"/nothing.gltf".as_ptr()) }, LUMI_ERROR_IO, "nothing.gltf");
+    fails(
+        unsafe { lumi_scene_load_gltf(file.0, c"/nothing.gltf".as_ptr()) },
+        LUMI_ERROR_IO,
+        "nothing.gltf",
+    );
     let junk = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(junk.path(), "{").unwrap();
-    fails(unsafe { lumi_scene_load_gltf(file.0, text(junk.path().to_str().unwrap()).as_ptr()) }, LUMI_ERROR_CORRUPT_FILE, "");
+    fails(
+        unsafe { lumi_scene_load_gltf(file.0, text(junk.path().to_str().unwrap()).as_ptr()) },
+        LUMI_ERROR_CORRUPT_FILE,
+        "",
+    );
     let (host, points) = (honest(), on_shell(10));
     let kept = host_scene(&d, &host, 0, 0);
     fails(unsafe { lumi_scene_trace(kept.0, &raw const x.trace) }, operation, "host");
     let hosted = cache(&kept);
-    fails(unsafe { lumi_cache_render(hosted.0, &raw const x.render, null(), 0) }, operation, "host");
+    fails(
+        unsafe { lumi_cache_render(hosted.0, &raw const x.render, null(), 0) },
+        operation,
+        "host",
+    );
     let mut out = [0.0_f32; 30];
-    let query = lumi_query { radiance: out.as_mut_ptr(), wo: points.1.as_ptr().cast(), ..query_of(&points) };
-    fails(unsafe { lumi_cache_query(hosted.0, &raw const query) }, LUMI_ERROR_UNSUPPORTED, "glossy");
+    let query = lumi_query {
+        radiance: out.as_mut_ptr(),
+        wo: points.1.as_ptr().cast(),
+        ..query_of(&points)
+    };
+    fails(
+        unsafe { lumi_cache_query(hosted.0, &raw const query) },
+        LUMI_ERROR_UNSUPPORTED,
+        "glossy",
+    );
 
     let c = cache(&s);
-    fails(unsafe { lumi_cache_new(s.0, c"none".as_ptr(), &mut null_mut()) }, LUMI_ERROR_INVALID_ARGUMENT, "preset");
-    fails(unsafe { lumi_cache_set_f32(c.0, c"colour".as_ptr(), 1.0) }, LUMI_ERROR_UNSUPPORTED, "colour");
+    fails(
+        unsafe { lumi_cache_new(s.0, c"none".as_ptr(), &mut null_mut()) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "preset",
+    );
+    fails(
+        unsafe { lumi_cache_set_f32(c.0, c"colour".as_ptr(), 1.0) },
+        LUMI_ERROR_UNSUPPORTED,
+        "colour",
+    );
     for value in [f32::NAN, f32::INFINITY, -1.0] {
-        fails(unsafe { lumi_cache_set_f32(c.0, c"error".as_ptr(), value) }, LUMI_ERROR_INVALID_ARGUMENT, "error");
-        fails(unsafe { lumi_cache_set_f32(c.0, c"quality".as_ptr(), value) }, LUMI_ERROR_INVALID_ARGUMENT, "quality");
+        fails(
+            unsafe { lumi_cache_set_f32(c.0, c"error".as_ptr(), value) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "error",
+        );
+        fails(
+            unsafe { lumi_cache_set_f32(c.0, c"quality".as_ptr(), value) },
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "quality",
+        );
     }
-    fails(unsafe { lumi_cache_set_i32(c.0, c"seed".as_ptr(), -1) }, LUMI_ERROR_INVALID_ARGUMENT, "seed");
-    fails(unsafe { lumi_cache_set_i32(c.0, c"max_bounces".as_ptr(), -2) }, LUMI_ERROR_INVALID_ARGUMENT, "max_bounces");
-    fails(unsafe { lumi_cache_set_str(c.0, c"preset".as_ptr(), c"none".as_ptr()) }, LUMI_ERROR_INVALID_ARGUMENT, "preset");
+    fails(
+        unsafe { lumi_cache_set_i32(c.0, c"seed".as_ptr(), -1) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "seed",
+    );
+    fails(
+        unsafe { lumi_cache_set_i32(c.0, c"max_bounces".as_ptr(), -2) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "max_bounces",
+    );
+    fails(
+        unsafe { lumi_cache_set_str(c.0, c"preset".as_ptr(), c"none".as_ptr()) },
+        LUMI_ERROR_INVALID_ARGUMENT,
+        "preset",
+    );
     ok(unsafe { lumi_cache_set_str(c.0, c"metric".as_ptr(), c"minimum".as_ptr()) });
     // Light without bounces: nothing to find, and nothing missing.
     set(c.0, "max_bounces", 0);
     let points = seen(&s, 20);
     ok(build(c.0, &points));
     let a = ask(c.0, &points, LUMI_QUERY_FILL);
-    assert!(a.status.iter().all(|s| *s == LUMI_POINT_INTERPOLATED) && a.irradiance.iter().all(|e| *e == [0.0; 3]));
+    assert!(
+        a.status.iter().all(|s| *s == LUMI_POINT_INTERPOLATED)
+            && a.irradiance.iter().all(|e| *e == [0.0; 3])
+    );
 }

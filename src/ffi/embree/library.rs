@@ -1,7 +1,9 @@
 //! Embree loaded at run time, for us alone.
 //!
-//! A plugin that links Embree gets whatever library of that name its host has loaded before, and functions of whatever Embree is in the process's global scope.
-//! Here it is opened by its path, its names stay out of the global scope, it prefers its own to those in there, and it is called through its own table.
+//! A plugin that links Embree gets whatever library of that name its host has loaded before, and
+//! functions of whatever Embree is in the process's global scope. Here it is opened by its path,
+//! its names stay out of the global scope, it prefers its own to those in there, and it is called
+//! through its own table.
 
 use super::raw;
 use crate::error::{Error, Result};
@@ -12,7 +14,8 @@ use std::sync::OnceLock;
 /// The environment variable that names another file than those that are searched.
 const VARIABLE: &str = "LUMICACHE_EMBREE";
 /// glibc: the library's own definitions come before the global ones.
-const RTLD_DEEPBIND: std::ffi::c_int = if cfg!(all(target_os = "linux", target_env = "gnu")) { 8 } else { 0 };
+const RTLD_DEEPBIND: std::ffi::c_int =
+    if cfg!(all(target_os = "linux", target_env = "gnu")) { 8 } else { 0 };
 
 #[cfg(embree4)]
 const NAME: &str = "libembree4.so.4";
@@ -38,12 +41,19 @@ pub fn loaded() -> &'static raw::Embree {
     }
 }
 
-/// The files to try: the variable's alone if it is set, else the one found when this was compiled, then the usual places.
+/// The files to try: the variable's alone if it is set, else the one found when this was compiled,
+/// then the usual places.
 fn candidates() -> Vec<OsString> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|p| !p.is_empty()) {
         return vec![path];
     }
-    let folders = ["/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib"];
+    let folders = [
+        "/usr/lib/x86_64-linux-gnu",
+        "/usr/lib/aarch64-linux-gnu",
+        "/usr/lib64",
+        "/usr/lib",
+        "/usr/local/lib",
+    ];
     let mut all = vec![OsString::from(env!("LUMICACHE_EMBREE_FOUND"))];
     all.extend(folders.iter().map(|f| OsString::from(format!("{f}/{NAME}"))));
     all
@@ -59,7 +69,8 @@ fn open() -> std::result::Result<raw::Embree, String> {
         }
         // SAFETY: loading runs the initialisers of Embree and TBB, which ask for nothing.
         let library = unsafe { Library::open(Some(&path), RTLD_NOW | RTLD_LOCAL | deep_bind()) };
-        // SAFETY: the library's functions have the types of the headers that bindgen read; its version is checked when a device is made.
+        // SAFETY: the library's functions have the types of the headers that bindgen read; its
+        // version is checked when a device is made.
         match library.and_then(|l| unsafe { raw::Embree::from_library(l) }) {
             Ok(embree) => return Ok(embree),
             Err(error) => reasons.push(format!("{error}")),
@@ -71,7 +82,8 @@ fn open() -> std::result::Result<raw::Embree, String> {
     ))
 }
 
-/// The address sanitizer replaces malloc in the global scope, which deep binding would pass by: it refuses to go on then.
+/// The address sanitizer replaces malloc in the global scope, which deep binding would pass by: it
+/// refuses to go on then.
 fn deep_bind() -> std::ffi::c_int {
     // SAFETY: the symbol is not called, only looked for.
     let sanitized = unsafe { Library::this().get::<*const u8>(b"__asan_init\0") }.is_ok();

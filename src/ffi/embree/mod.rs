@@ -1,8 +1,10 @@
-//! Embree 3 or 4: devices and scenes here, rays in `trace`. Every call of an `rtc*` function is in this module, by the macro `rtc!`: the library is linked, or with the
-//! feature `private-embree` loaded by `library`.
+//! Embree 3 or 4: devices and scenes here, rays in `trace`. Every call of an `rtc*` function is in
+//! this module, by the macro `rtc!`: the library is linked, or with the feature `private-embree`
+//! loaded by `library`.
 //!
-//! The two major versions differ, for us, in how options reach the ray functions, which `trace` hides, and in the size of the hit structures,
-//! which bindgen reads from the header that the build found.
+//! The two major versions differ, for us, in how options reach the ray functions, which `trace`
+//! hides, and in the size of the hit structures, which bindgen reads from the header that the build
+//! found.
 
 use crate::error::{Error, Result};
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -54,7 +56,8 @@ struct Report {
     limit: AtomicIsize,
 }
 
-// SAFETY: Embree's device functions may be called from any thread, and `Report` is made of a mutex and atomics.
+// SAFETY: Embree's device functions may be called from any thread, and `Report` is made of a mutex
+// and atomics.
 unsafe impl Send for Device {}
 // SAFETY: as above.
 unsafe impl Sync for Device {}
@@ -97,8 +100,9 @@ fn describe(code: raw::RTCError) -> &'static str {
 /// The version of the headers this program was compiled with, as major and minor.
 pub const HEADER_VERSION: (u32, u32) = (raw::RTC_VERSION_MAJOR, raw::RTC_VERSION_MINOR);
 
-/// Whether a library of version `library` (major, minor) may serve a program compiled for the headers `header`: within a major version Embree keeps old
-/// structures and functions, and adds new ones in minor versions.
+/// Whether a library of version `library` (major, minor) may serve a program compiled for the
+/// headers `header`: within a major version Embree keeps old structures and functions, and adds new
+/// ones in minor versions.
 ///
 /// # Errors
 /// `Error::Device` that names both versions and what to do.
@@ -117,22 +121,29 @@ impl Device {
     /// Opens a device and checks the library's version. `options` is Embree's configuration string.
     ///
     /// # Errors
-    /// `Error::Device` if the CPU lacks what Embree needs, or the library is of another version than the headers.
+    /// `Error::Device` if the CPU lacks what Embree needs, or the library is of another version
+    /// than the headers.
     pub fn new(options: &str) -> Result<Arc<Self>> {
-        let options = CString::new(options).map_err(|_| Error::InvalidArgument("Embree options contain NUL".into()))?;
+        let options = CString::new(options)
+            .map_err(|_| Error::InvalidArgument("Embree options contain NUL".into()))?;
         #[cfg(feature = "private-embree")]
         library::load()?;
         // SAFETY: the string ends in NUL and lives during the call.
         let handle = unsafe { rtc!(rtcNewDevice; options.as_ptr()) };
         if handle.is_null() {
-            // SAFETY: a null device is Embree's way to ask why the last rtcNewDevice of this thread failed.
+            // SAFETY: a null device is Embree's way to ask why the last rtcNewDevice of this thread
+            // failed.
             let code = unsafe { rtc!(rtcGetDeviceError; std::ptr::null_mut()) };
-            return Err(Error::Device(format!("Embree cannot start: {}; choose the backend \"bvh\"", describe(code))));
+            return Err(Error::Device(format!(
+                "Embree cannot start: {}; choose the backend \"bvh\"",
+                describe(code)
+            )));
         }
         let device = Self { handle, report: Box::default() };
         check_version(HEADER_VERSION, device.version_numbers())?;
         let report = (&raw const *device.report).cast_mut().cast();
-        // SAFETY: the handle is valid; `report` points to a box that `device` owns and frees after the device is released.
+        // SAFETY: the handle is valid; `report` points to a box that `device` owns and frees after
+        // the device is released.
         unsafe {
             rtc!(rtcSetDeviceErrorFunction; handle, Some(on_error), report);
             rtc!(rtcSetDeviceMemoryMonitorFunction; handle, Some(on_memory), report);
@@ -147,7 +158,10 @@ impl Device {
     }
 
     fn version_numbers(&self) -> (u32, u32) {
-        (self.property(raw::RTC_DEVICE_PROPERTY_VERSION_MAJOR), self.property(raw::RTC_DEVICE_PROPERTY_VERSION_MINOR))
+        (
+            self.property(raw::RTC_DEVICE_PROPERTY_VERSION_MAJOR),
+            self.property(raw::RTC_DEVICE_PROPERTY_VERSION_MINOR),
+        )
     }
 
     /// The library's version, such as `Embree 3.13.5`.
@@ -166,22 +180,29 @@ impl Device {
         self.report.limit.store(isize::try_from(bytes).unwrap_or(isize::MAX), Ordering::Relaxed);
     }
 
-    /// The first error since the last call, if there was one, as `Error::Device` that begins with `what`.
+    /// The first error since the last call, if there was one, as `Error::Device` that begins with
+    /// `what`.
     fn check(&self, what: &str) -> Result<()> {
         // SAFETY: the handle is valid while self lives. The call clears the thread's error code.
         let code = unsafe { rtc!(rtcGetDeviceError; self.handle) };
-        let reported = self.report.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let reported =
+            self.report.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
         match reported.or((code != raw::RTC_ERROR_NONE).then(|| (code, String::new()))) {
             None => Ok(()),
-            Some((code, text)) if text.is_empty() => Err(Error::Device(format!("Embree, {what}: {}", describe(code)))),
-            Some((code, text)) => Err(Error::Device(format!("Embree, {what}: {} ({text})", describe(code)))),
+            Some((code, text)) if text.is_empty() => {
+                Err(Error::Device(format!("Embree, {what}: {}", describe(code))))
+            }
+            Some((code, text)) => {
+                Err(Error::Device(format!("Embree, {what}: {} ({text})", describe(code))))
+            }
         }
     }
 }
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: the handle is valid and this is its only release; every scene holds an Arc of the device, so none is left.
+        // SAFETY: the handle is valid and this is its only release; every scene holds an Arc of the
+        // device, so none is left.
         unsafe { rtc!(rtcReleaseDevice; self.handle) };
     }
 }
@@ -199,14 +220,16 @@ pub struct Scene {
     device: Arc<Device>,
 }
 
-// SAFETY: after its commit a scene is only read, which Embree allows from any number of threads; before, it is owned by one builder.
+// SAFETY: after its commit a scene is only read, which Embree allows from any number of threads;
+// before, it is owned by one builder.
 unsafe impl Send for Scene {}
 // SAFETY: as above.
 unsafe impl Sync for Scene {}
 
 impl Drop for Scene {
     fn drop(&mut self) {
-        // SAFETY: the handle is valid and this is its only release; the device lives until the fields are dropped, after this.
+        // SAFETY: the handle is valid and this is its only release; the device lives until the
+        // fields are dropped, after this.
         unsafe { rtc!(rtcReleaseScene; self.handle) };
     }
 }
@@ -229,7 +252,8 @@ impl Drop for GeometryHandle {
 }
 
 impl SceneBuilder {
-    /// An empty scene with watertight intersection (Embree's robust mode). The build quality is medium: in robust mode, high makes the same hierarchy.
+    /// An empty scene with watertight intersection (Embree's robust mode). The build quality is
+    /// medium: in robust mode, high makes the same hierarchy.
     ///
     /// # Errors
     /// `Error::Device`, when memory runs out.
@@ -245,7 +269,11 @@ impl SceneBuilder {
             rtc!(rtcSetSceneFlags; handle, raw::RTC_SCENE_FLAG_ROBUST);
             rtc!(rtcSetSceneBuildQuality; handle, raw::RTC_BUILD_QUALITY_MEDIUM);
         }
-        let width = if device.property(raw::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) == 1 { 16 } else { 8 };
+        let width = if device.property(raw::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) == 1 {
+            16
+        } else {
+            8
+        };
         Ok(Self(Scene { handle, width, instanced: Vec::new(), device: device.clone() }))
     }
 
@@ -278,14 +306,19 @@ impl SceneBuilder {
         items: impl ExactSizeIterator<Item = T>,
     ) -> Result<()> {
         let count = items.len();
-        // SAFETY: the geometry is valid; Embree allocates `count` items of T's size, padded as it needs.
-        let buffer = unsafe { rtc!(rtcSetNewGeometryBuffer; geometry.0, kind, 0, format, size_of::<T>(), count) }.cast::<T>();
+        // SAFETY: the geometry is valid; Embree allocates `count` items of T's size, padded as it
+        // needs.
+        let buffer = unsafe {
+            rtc!(rtcSetNewGeometryBuffer; geometry.0, kind, 0, format, size_of::<T>(), count)
+        }
+        .cast::<T>();
         self.0.device.check("allocating a buffer")?;
         if buffer.is_null() {
             return Err(Error::Device("Embree gave no buffer".into()));
         }
         for (i, item) in items.take(count).enumerate() {
-            // SAFETY: i < count, and Embree aligns buffers to 16 bytes or more, enough for three floats or integers.
+            // SAFETY: i < count, and Embree aligns buffers to 16 bytes or more, enough for three
+            // floats or integers.
             unsafe { buffer.add(i).write(item) };
         }
         Ok(())
@@ -294,7 +327,8 @@ impl SceneBuilder {
     /// Adds triangles under the number `id`, which hits give back as their instance.
     ///
     /// # Errors
-    /// `Error::InvalidArgument` if an index is beyond the positions; `Error::Device` when memory runs out or `id` is taken.
+    /// `Error::InvalidArgument` if an index is beyond the positions; `Error::Device` when memory
+    /// runs out or `id` is taken.
     pub fn add_triangles(
         &mut self,
         id: u32,
@@ -303,11 +337,18 @@ impl SceneBuilder {
     ) -> Result<()> {
         let vertices = positions.len();
         if indices.iter().flatten().any(|&i| i as usize >= vertices) {
-            return Err(Error::InvalidArgument(format!("instance {id}: a vertex index is beyond its {vertices} vertices")));
+            return Err(Error::InvalidArgument(format!(
+                "instance {id}: a vertex index is beyond its {vertices} vertices"
+            )));
         }
         let geometry = self.new_geometry(raw::RTC_GEOMETRY_TYPE_TRIANGLE)?;
         self.fill(&geometry, raw::RTC_BUFFER_TYPE_VERTEX, raw::RTC_FORMAT_FLOAT3, positions)?;
-        self.fill(&geometry, raw::RTC_BUFFER_TYPE_INDEX, raw::RTC_FORMAT_UINT3, indices.iter().copied())?;
+        self.fill(
+            &geometry,
+            raw::RTC_BUFFER_TYPE_INDEX,
+            raw::RTC_FORMAT_UINT3,
+            indices.iter().copied(),
+        )?;
         self.attach(&geometry, id)
     }
 
@@ -317,10 +358,15 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// `Error::Device` when memory runs out or `id` is taken.
-    pub fn add_instance(&mut self, id: u32, scene: &Arc<Scene>, to_world: &[f32; 12]) -> Result<()> {
+    pub fn add_instance(
+        &mut self,
+        id: u32,
+        scene: &Arc<Scene>,
+        to_world: &[f32; 12],
+    ) -> Result<()> {
         let geometry = self.new_geometry(raw::RTC_GEOMETRY_TYPE_INSTANCE)?;
-        // SAFETY: geometry and scene are valid, the matrix has the 12 floats that the format promises and is copied; the instanced scene is kept alive
-        // by `instanced`.
+        // SAFETY: geometry and scene are valid, the matrix has the 12 floats that the format
+        // promises and is copied; the instanced scene is kept alive by `instanced`.
         unsafe {
             rtc!(rtcSetGeometryInstancedScene; geometry.0, scene.handle);
             rtc!(rtcSetGeometryTransform; geometry.0, 0, raw::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, to_world.as_ptr().cast());
@@ -353,7 +399,8 @@ mod tests {
         let at = |i: u32| i as f32 / n as f32;
         let positions = (0..(n + 1) * (n + 1)).map(|i| [at(i % (n + 1)), at(i / (n + 1)), 0.0]);
         let corners = (0..n * n).map(|i| i / n * (n + 1) + i % n);
-        let indices: Vec<_> = corners.flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]).collect();
+        let indices: Vec<_> =
+            corners.flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]).collect();
         scene.add_triangles(7, positions.collect::<Vec<_>>().into_iter(), &indices)?;
         scene.commit()
     }
@@ -369,12 +416,17 @@ mod tests {
             let text = check_version((3, 13), library).unwrap_err().to_string();
             assert!(text.contains("compiled for Embree 3.13"), "{text}");
             assert!(
-                text.contains(&format!("Embree {}.{}", library.0, library.1)) && text.contains("choose the backend \"bvh\""),
+                text.contains(&format!("Embree {}.{}", library.0, library.1))
+                    && text.contains("choose the backend \"bvh\""),
                 "{text}"
             );
         }
         let device = Device::new("").unwrap();
-        assert!(device.version().starts_with(&format!("Embree {}.", HEADER_VERSION.0)), "{}", device.version());
+        assert!(
+            device.version().starts_with(&format!("Embree {}.", HEADER_VERSION.0)),
+            "{}",
+            device.version()
+        );
     }
 
     #[test]
@@ -383,7 +435,8 @@ mod tests {
         device.limit_memory(1 << 20);
         let text = square(&device, 300).err().unwrap().to_string();
         assert!(text.contains("out of memory"), "{text}");
-        // The device works again when there is memory, and has given back what the failed scene held.
+        // The device works again when there is memory, and has given back what the failed scene
+        // held.
         assert!(device.memory_bytes() < 1 << 16, "{}", device.memory_bytes());
         device.limit_memory(1 << 30);
         assert!(square(&device, 300).unwrap().intersect(&downwards(0.3, 0.6)).is_hit());
@@ -404,7 +457,13 @@ mod tests {
             let device = Device::new("").unwrap();
             let part = Arc::new(square(&device, 4).unwrap());
             let mut scene = SceneBuilder::new(&device).unwrap();
-            scene.add_instance(3, &part, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).unwrap();
+            scene
+                .add_instance(
+                    3,
+                    &part,
+                    &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0],
+                )
+                .unwrap();
             scene.commit().unwrap()
         };
         let hit = instance_scene.intersect(&downwards(0.3, 0.6));
@@ -413,7 +472,9 @@ mod tests {
 
     #[test]
     fn packets_of_every_cpu_generation_hit_the_same() {
-        let rays: Vec<_> = (0..5_003).map(|i| downwards(i as f32 * 2.3e-4 - 0.05, (i as f32 * 0.618).fract())).collect();
+        let rays: Vec<_> = (0..5_003)
+            .map(|i| downwards(i as f32 * 2.3e-4 - 0.05, (i as f32 * 0.618).fract()))
+            .collect();
         let mut results = Vec::new();
         // A CPU without one of these refuses the device.
         for options in ["isa=sse2", "isa=sse4.2", "isa=avx", "isa=avx2", "isa=avx512"] {
@@ -423,13 +484,22 @@ mod tests {
             let mut blocked = vec![false; rays.len()];
             scene.intersect_packets(&rays, false, &mut hits);
             scene.occluded_packets(&rays, &mut blocked);
-            assert!(hits.iter().zip(&blocked).all(|(hit, &blocked)| hit.is_hit() == blocked), "{options}");
+            assert!(
+                hits.iter().zip(&blocked).all(|(hit, &blocked)| hit.is_hit() == blocked),
+                "{options}"
+            );
             results.push((options, hits));
         }
         // With and without fused multiplication the last bits differ.
         for (options, hits) in &results {
-            let same = |a: &Hit, b: &Hit| a.is_hit() == b.is_hit() && (!a.is_hit() || (a.t - b.t).abs() < 1e-5);
-            assert!(hits.iter().zip(&results[0].1).all(|(a, b)| same(a, b)), "{options} differs from {}", results[0].0);
+            let same = |a: &Hit, b: &Hit| {
+                a.is_hit() == b.is_hit() && (!a.is_hit() || (a.t - b.t).abs() < 1e-5)
+            };
+            assert!(
+                hits.iter().zip(&results[0].1).all(|(a, b)| same(a, b)),
+                "{options} differs from {}",
+                results[0].0
+            );
             assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 4_000, "{options}");
         }
     }

@@ -16,7 +16,11 @@ mod options {
     pub type Occluded = raw::RTCIntersectContext;
 
     pub fn intersect(coherent: bool) -> Intersect {
-        let flags = if coherent { raw::RTC_INTERSECT_CONTEXT_FLAG_COHERENT } else { raw::RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT };
+        let flags = if coherent {
+            raw::RTC_INTERSECT_CONTEXT_FLAG_COHERENT
+        } else {
+            raw::RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT
+        };
         Intersect { flags, filter: None, instID: [INVALID_ID] }
     }
 
@@ -34,11 +38,22 @@ mod options {
     pub type Intersect = raw::RTCIntersectArguments;
     pub type Occluded = raw::RTCOccludedArguments;
 
-    const FEATURES: raw::RTCFeatureFlags = raw::RTC_FEATURE_FLAG_TRIANGLE | raw::RTC_FEATURE_FLAG_INSTANCE;
+    const FEATURES: raw::RTCFeatureFlags =
+        raw::RTC_FEATURE_FLAG_TRIANGLE | raw::RTC_FEATURE_FLAG_INSTANCE;
 
     pub fn intersect(coherent: bool) -> Intersect {
-        let flags = if coherent { raw::RTC_RAY_QUERY_FLAG_COHERENT } else { raw::RTC_RAY_QUERY_FLAG_INCOHERENT };
-        Intersect { flags, feature_mask: FEATURES, context: null_mut(), filter: None, intersect: None }
+        let flags = if coherent {
+            raw::RTC_RAY_QUERY_FLAG_COHERENT
+        } else {
+            raw::RTC_RAY_QUERY_FLAG_INCOHERENT
+        };
+        Intersect {
+            flags,
+            feature_mask: FEATURES,
+            context: null_mut(),
+            filter: None,
+            intersect: None,
+        }
     }
 
     pub fn occluded() -> Occluded {
@@ -52,7 +67,8 @@ mod options {
     }
 }
 
-/// A call of `$function(before..., ray, options)`: Embree 4 moved the options from before the ray to behind it.
+/// A call of `$function(before..., ray, options)`: Embree 4 moved the options from before the ray
+/// to behind it.
 macro_rules! call {
     ($function:ident($($before:expr),*; $ray:expr; $options:expr)) => {{
         #[cfg(not(embree4))]
@@ -80,7 +96,8 @@ fn single(ray: &Ray) -> raw::RTCRay {
     }
 }
 
-/// Our numbers of a hit: an instance geometry has its own number, a world-space geometry is numbered by its instance.
+/// Our numbers of a hit: an instance geometry has its own number, a world-space geometry is
+/// numbered by its instance.
 #[inline]
 fn hit(t: f32, u: f32, v: f32, triangle: u32, geometry: u32, instance: u32) -> Hit {
     if geometry == INVALID_ID {
@@ -190,7 +207,14 @@ impl Scene {
         let mut options = options::intersect(false);
         // SAFETY: the scene is committed, the ray is initialised.
         unsafe { call!(rtcIntersect1(self.handle; &mut query; &mut options)) };
-        hit(query.ray.tfar, query.hit.u, query.hit.v, query.hit.primID, query.hit.geomID, query.hit.instID[0])
+        hit(
+            query.ray.tfar,
+            query.hit.u,
+            query.hit.v,
+            query.hit.primID,
+            query.hit.geomID,
+            query.hit.instID[0],
+        )
     }
 
     /// Whether anything is on one ray.
@@ -206,8 +230,8 @@ impl Scene {
         query.tfar == f32::NEG_INFINITY
     }
 
-    /// The closest hits of many rays, in packets of consecutive ones: 16 where the CPU has AVX-512, else 8. `coherent` promises that neighbours are nearly
-    /// parallel.
+    /// The closest hits of many rays, in packets of consecutive ones: 16 where the CPU has AVX-512,
+    /// else 8. `coherent` promises that neighbours are nearly parallel.
     pub fn intersect_packets(&self, rays: &[Ray], coherent: bool, hits: &mut [Hit]) {
         match self.width {
             16 => wide16::intersect(self, rays, coherent, hits),
@@ -223,8 +247,9 @@ impl Scene {
         }
     }
 
-    /// Seconds that Embree itself takes for `rays` when their packets are laid out before and nothing happens between its calls: the measure of what
-    /// [`Scene::intersect_packets`] adds.
+    /// Seconds that Embree itself takes for `rays` when their packets are laid out before and
+    /// nothing happens between its calls: the measure of what [`Scene::intersect_packets`]
+    /// adds.
     pub fn bare_seconds(&self, rays: &[Ray]) -> Option<f64> {
         Some(match self.width {
             16 => wide16::bare_seconds(self, rays),

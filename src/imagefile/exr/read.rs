@@ -13,19 +13,22 @@ use std::path::Path;
 
 /// Bytes of decoded samples beyond which a file is refused.
 const MAX_BYTES: u64 = 1 << 34;
-/// The most that a byte of a file can become: deflate reaches 1032, the other lossless methods less.
+/// The most that a byte of a file can become: deflate reaches 1032, the other lossless methods
+/// less.
 const MAX_RATIO: u64 = 2048;
 /// As [`MAX_RATIO`] for DWA, which deflates run lengths.
 const MAX_RATIO_DWA: u64 = 1 << 16;
 
-/// Reads the file `path`: all parts, their largest level, any compression that the `exr` crate knows.
+/// Reads the file `path`: all parts, their largest level, any compression that the `exr` crate
+/// knows.
 ///
-/// Several parts become one picture: channels of the first keep their names, those of a later one are prefixed with the part's name and a
-/// dot unless they are already. Attributes are those of the first part, sorted by name; types that [`Attribute`] has no variant for are left out.
+/// Several parts become one picture: channels of the first keep their names, those of a later one
+/// are prefixed with the part's name and a dot unless they are already. Attributes are those of the
+/// first part, sorted by name; types that [`Attribute`] has no variant for are left out.
 ///
 /// # Errors
-/// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or subsampled data, parts of different windows, or a size
-/// that the file's length cannot hold.
+/// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or
+/// subsampled data, parts of different windows, or a size that the file's length cannot hold.
 pub fn read(path: &Path) -> Result<Layers> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     read_bytes(&bytes).map_err(|what| Error::image(path, what))
@@ -36,7 +39,8 @@ pub fn read(path: &Path) -> Result<Layers> {
 /// # Errors
 /// What is wrong with the file, without its name.
 pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Layers, String> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| not_readable(&e))?;
+    let meta =
+        MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| not_readable(&e))?;
     check(&meta.headers, bytes.len() as u64)?;
     let image: FlatImage = ::exr::prelude::read()
         .no_deep_data()
@@ -77,20 +81,32 @@ fn check(headers: &[Header], file_bytes: u64) -> std::result::Result<(), String>
     for header in headers {
         let Vec2(width, height) = header.layer_size;
         if width == 0 || height == 0 || header.channels.list.is_empty() {
-            return Err(format!("has no pixels ({width} x {height}, {} channels)", header.channels.list.len()));
+            return Err(format!(
+                "has no pixels ({width} x {height}, {} channels)",
+                header.channels.list.len()
+            ));
         }
         if header.deep {
             return Err("holds deep data, which cannot be read".to_owned());
         }
         if header.data_window() != first.data_window() {
-            return Err("has parts of different data windows, which cannot be read as one picture".to_owned());
+            return Err("has parts of different data windows, which cannot be read as one picture"
+                .to_owned());
         }
         if let Some(c) = header.channels.list.iter().find(|c| c.sampling != Vec2(1, 1)) {
-            return Err(format!("has the subsampled channel '{}', which cannot be read", text_of(c.name.as_slice())));
+            return Err(format!(
+                "has the subsampled channel '{}', which cannot be read",
+                text_of(c.name.as_slice())
+            ));
         }
-        let bytes = (width as u64).saturating_mul(height as u64).saturating_mul(header.channels.bytes_per_pixel as u64);
-        let ratio =
-            if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) { MAX_RATIO_DWA } else { MAX_RATIO };
+        let bytes = (width as u64)
+            .saturating_mul(height as u64)
+            .saturating_mul(header.channels.bytes_per_pixel as u64);
+        let ratio = if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+            MAX_RATIO_DWA
+        } else {
+            MAX_RATIO
+        };
         total = total.saturating_add(bytes);
         if bytes > file_bytes.saturating_mul(ratio) || total > MAX_BYTES {
             return Err(format!(
@@ -103,8 +119,15 @@ fn check(headers: &[Header], file_bytes: u64) -> std::result::Result<(), String>
     Ok(())
 }
 
-fn channels_of(layer: Layer<AnyChannels<FlatSamples>>, prefix: bool) -> impl Iterator<Item = Channel> {
-    let part = layer.attributes.layer_name.filter(|_| prefix).map(|n| format!("{}.", text_of(n.as_slice())));
+fn channels_of(
+    layer: Layer<AnyChannels<FlatSamples>>,
+    prefix: bool,
+) -> impl Iterator<Item = Channel> {
+    let part = layer
+        .attributes
+        .layer_name
+        .filter(|_| prefix)
+        .map(|n| format!("{}.", text_of(n.as_slice())));
     layer.channel_data.list.into_iter().map(move |channel| {
         let mut name = text_of(channel.name.as_slice()).into_owned();
         if let Some(part) = part.as_ref().filter(|p| !name.starts_with(p.as_str())) {
@@ -119,7 +142,8 @@ fn channels_of(layer: Layer<AnyChannels<FlatSamples>>, prefix: bool) -> impl Ite
     })
 }
 
-/// The header's attributes that [`Attribute`] can hold, without those of the layout, sorted by name.
+/// The header's attributes that [`Attribute`] can hold, without those of the layout, sorted by
+/// name.
 fn attributes_of(header: &Header) -> Vec<(String, Attribute)> {
     let layout = [
         standard_names::NAME,
@@ -150,13 +174,16 @@ fn attribute_of(value: AttributeValue) -> Option<Attribute> {
         AttributeValue::FloatVec3((x, y, z)) => Attribute::V3f([x, y, z]),
         AttributeValue::Matrix4x4(m) => Attribute::M44f(m),
         AttributeValue::Chromaticities(Chromaticities { red, green, blue, white }) => {
-            Attribute::Chromaticities([red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1])
+            Attribute::Chromaticities([
+                red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1,
+            ])
         }
         _ => return None,
     })
 }
 
-/// The crop, when the data window is not the whole display window. Positions count from the display window's corner.
+/// The crop, when the data window is not the whole display window. Positions count from the display
+/// window's corner.
 fn crop_of(header: &Header) -> std::result::Result<Option<Crop>, String> {
     let (data, display) = (header.data_window(), header.shared_attributes.display_window);
     if data == display {
@@ -166,7 +193,10 @@ fn crop_of(header: &Header) -> std::result::Result<Option<Crop>, String> {
     let offset = |a: i32, b: i32| i32::try_from(i64::from(a) - i64::from(b)).map_err(out_of_range);
     let extent = |n: usize| u32::try_from(n).map_err(out_of_range);
     Ok(Some(Crop {
-        origin: [offset(data.position.0, display.position.0)?, offset(data.position.1, display.position.1)?],
+        origin: [
+            offset(data.position.0, display.position.0)?,
+            offset(data.position.1, display.position.1)?,
+        ],
         whole: [extent(display.size.0)?, extent(display.size.1)?],
     }))
 }

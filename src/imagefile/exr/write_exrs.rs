@@ -1,8 +1,9 @@
 //! Writing through the `exr` crate.
 //!
-//! The crate's own image writer keeps attributes in hash maps, so the bytes of its files differ from run to run, and compresses on
-//! threads of its own. Here the file is laid out by hand (magic, version, attributes, offset table, chunks) from the crate's parts, and the
-//! chunks are compressed on rayon's threads.
+//! The crate's own image writer keeps attributes in hash maps, so the bytes of its files differ
+//! from run to run, and compresses on threads of its own. Here the file is laid out by hand (magic,
+//! version, attributes, offset table, chunks) from the crate's parts, and the chunks are compressed
+//! on rayon's threads.
 
 use super::{Attribute, Packed, Prepared};
 use ::exr::block::chunk::Chunk;
@@ -10,7 +11,8 @@ use ::exr::block::lines::LineRefMut;
 use ::exr::block::{BlockIndex, UncompressedBlock};
 use ::exr::error::{Result, UnitResult};
 use ::exr::meta::attribute::{
-    self, AttributeValue, ChannelDescription, Chromaticities, Compression, IntegerBounds, LineOrder, SampleType, Text,
+    self, AttributeValue, ChannelDescription, Chromaticities, Compression, IntegerBounds,
+    LineOrder, SampleType, Text,
 };
 use ::exr::meta::header::{Header, LayerAttributes};
 use ::exr::meta::{BlockDescription, Requirements, magic_number, sequence_end};
@@ -37,12 +39,14 @@ fn value_of(attribute: &Attribute) -> AttributeValue {
         Attribute::V2f([x, y]) => AttributeValue::FloatVec2(Vec2(x, y)),
         Attribute::V3f([x, y, z]) => AttributeValue::FloatVec3((x, y, z)),
         Attribute::M44f(m) => AttributeValue::Matrix4x4(m),
-        Attribute::Chromaticities([rx, ry, gx, gy, bx, by, wx, wy]) => AttributeValue::Chromaticities(Chromaticities {
-            red: Vec2(rx, ry),
-            green: Vec2(gx, gy),
-            blue: Vec2(bx, by),
-            white: Vec2(wx, wy),
-        }),
+        Attribute::Chromaticities([rx, ry, gx, gy, bx, by, wx, wy]) => {
+            AttributeValue::Chromaticities(Chromaticities {
+                red: Vec2(rx, ry),
+                green: Vec2(gx, gy),
+                blue: Vec2(bx, by),
+                white: Vec2(wx, wy),
+            })
+        }
     }
 }
 
@@ -56,10 +60,14 @@ fn header_of(image: &Prepared) -> Header {
         };
         ChannelDescription::new(text(name), kind, false)
     });
-    let mut header = Header::new(Text::default(), (image.size[0], image.size[1]), channels.collect())
-        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
-        .with_display_window(IntegerBounds::from_dimensions((image.crop.whole[0] as usize, image.crop.whole[1] as usize)))
-        .with_attributes(LayerAttributes::default());
+    let mut header =
+        Header::new(Text::default(), (image.size[0], image.size[1]), channels.collect())
+            .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
+            .with_display_window(IntegerBounds::from_dimensions((
+                image.crop.whole[0] as usize,
+                image.crop.whole[1] as usize,
+            )))
+            .with_attributes(LayerAttributes::default());
     header.own_attributes.layer_position = Vec2(image.crop.origin[0], image.crop.origin[1]);
     header.own_attributes.screen_window_width = 1.0;
     header
@@ -77,8 +85,12 @@ fn fill_line(line: LineRefMut, image: &Prepared) -> UnitResult {
 }
 
 fn compress(header: &Header, image: &Prepared, first_row: usize, rows: usize) -> Result<Chunk> {
-    let index =
-        BlockIndex { layer: 0, level: Vec2(0, 0), pixel_position: Vec2(0, first_row), pixel_size: Vec2(image.size[0], rows) };
+    let index = BlockIndex {
+        layer: 0,
+        level: Vec2(0, 0),
+        pixel_position: Vec2(0, first_row),
+        pixel_size: Vec2(image.size[0], rows),
+    };
     let mut result = Ok(());
     let block = UncompressedBlock::from_lines(&header.channels, index, |line| {
         if let Err(e) = fill_line(line, image) {
@@ -115,10 +127,13 @@ pub(super) fn write(path: &Path, image: &Prepared) -> UnitResult {
     let mut offsets: Vec<u64> = Vec::with_capacity(header.chunk_count);
     file.write_all(&vec![0; header.chunk_count * size_of::<u64>()])?;
     let starts: Vec<usize> = (0..image.size[1]).step_by(rows).collect();
-    let wave = (WAVE_BYTES / header.max_block_byte_size().max(1)).max(2 * rayon::current_num_threads());
+    let wave =
+        (WAVE_BYTES / header.max_block_byte_size().max(1)).max(2 * rayon::current_num_threads());
     for wave in starts.chunks(wave) {
-        let chunks =
-            wave.par_iter().map(|&y| compress(&header, image, y, rows.min(image.size[1] - y))).collect::<Result<Vec<_>>>()?;
+        let chunks = wave
+            .par_iter()
+            .map(|&y| compress(&header, image, y, rows.min(image.size[1] - y)))
+            .collect::<Result<Vec<_>>>()?;
         for chunk in chunks {
             offsets.push(file.stream_position()?);
             chunk.write(&mut file, 1)?;

@@ -4,8 +4,8 @@ use super::{Attribute, Packed, Prepared};
 use crate::ffi::openexr::{Channel, Result, Samples, Window, Writer};
 use std::path::Path;
 
-/// zlib's effort. On rendered half layers level 6 takes half as long again for files 2 % smaller, and 9 ten times as long for 3 %; on 32-bit layers
-/// the level hardly matters.
+/// zlib's effort. On rendered half layers level 6 takes half as long again for files 2 % smaller,
+/// and 9 ten times as long for 3 %; on 32-bit layers the level hardly matters.
 const ZIP_LEVEL: u8 = 4;
 
 /// The rectangle of `size` pixels at `origin`, whose bounds [`Prepared`] has checked.

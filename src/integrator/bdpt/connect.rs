@@ -16,11 +16,13 @@ const SHORTENING: f32 = 1e-4;
 
 /// Both walks joined in one way.
 pub(super) struct Link {
-    /// What the path brings, before its weight and occlusion, by the two parts of the surface that the camera sees.
+    /// What the path brings, before its weight and occlusion, by the two parts of the surface that
+    /// the camera sees.
     pub light: Reflected,
     /// Densities of the light's end.
     pub end: LightDensity,
-    /// Densities that the joint decides, per area: of the last light vertex and the one before it for the camera's walk, of the last camera vertex and the one before it for the light's.
+    /// Densities that the joint decides, per area: of the last light vertex and the one before it
+    /// for the camera's walk, of the last camera vertex and the one before it for the light's.
     pub light_side: [f64; 2],
     pub camera_side: [f64; 2],
     /// What must be free.
@@ -31,17 +33,26 @@ pub(super) struct Link {
 
 impl Bidirectional<'_> {
     /// Adds up all ways to join the walks.
-    pub(super) fn connect(&self, sample: &CameraSample, work: &mut Workspace, radiance: &mut Radiance, splats: &mut Vec<Splat>) {
+    pub(super) fn connect(
+        &self,
+        sample: &CameraSample,
+        work: &mut Workspace,
+        radiance: &mut Radiance,
+        splats: &mut Vec<Splat>,
+    ) {
         let seed = sample.alpha_seed();
         let (seen, lit) = (work.seen.vertices.len(), work.lit.vertices.len());
         let most = self.most_surfaces();
         // What the camera sees without any scattering has one way only.
         match (work.seen.vertices.first(), work.seen.escaped) {
             (Some(first), _) => radiance.emission = self.tracer.scene.emission(&first.vertex.point),
-            (None, Some((direction, ..))) => radiance.emission = self.tracer.scene.lights().environment(direction),
+            (None, Some((direction, ..))) => {
+                radiance.emission = self.tracer.scene.lights().environment(direction)
+            }
             (None, None) => {}
         }
-        // With t vertices from the camera, itself among them; t = seen + 2 is a path that left the scene.
+        // With t vertices from the camera, itself among them; t = seen + 2 is a path that left the
+        // scene.
         for t in 1..=seen + 2 {
             for s in 0..=lit + 1 {
                 let surfaces = if s == 0 { t.saturating_sub(2) } else { s + t - 2 };
@@ -49,7 +60,9 @@ impl Bidirectional<'_> {
                     continue;
                 }
                 let Some(link) = self.link(work, s, t) else { continue };
-                if link.ray.is_some_and(|ray| self.tracer.scene.occluded(&ray, hash(&[seed, s as u64, t as u64]))) {
+                if link.ray.is_some_and(|ray| {
+                    self.tracer.scene.occluded(&ray, hash(&[seed, s as u64, t as u64]))
+                }) {
                     continue;
                 }
                 let share = self.weigh(work, &link, s, t) as f32;
@@ -79,7 +92,8 @@ impl Bidirectional<'_> {
         }
     }
 
-    /// The way with `s` vertices from the light and `t` from the camera; `None` where it brings nothing.
+    /// The way with `s` vertices from the light and `t` from the camera; `None` where it brings
+    /// nothing.
     pub(super) fn link(&self, work: &Workspace, s: usize, t: usize) -> Option<Link> {
         match (s, t) {
             (0, 0..=2) | (1, 1) => None,
@@ -97,12 +111,30 @@ impl Bidirectional<'_> {
         let (end, emitted, carried, hit, direction) = match path.vertices.get(t - 2) {
             Some(lamp) => {
                 let point = &lamp.vertex.point;
-                let source = LightSource::Triangle { instance: point.instance, triangle: point.triangle, u: 0.0, v: 0.0 };
-                let end = LightEnd { source, position: point.position, normal: point.ng, distant: false, delta: false };
-                (end, self.tracer.scene.emission(point), lamp.arrived, lamp.vertex.forward, point.wo)
+                let source = LightSource::Triangle {
+                    instance: point.instance,
+                    triangle: point.triangle,
+                    u: 0.0,
+                    v: 0.0,
+                };
+                let end = LightEnd {
+                    source,
+                    position: point.position,
+                    normal: point.ng,
+                    distant: false,
+                    delta: false,
+                };
+                (
+                    end,
+                    self.tracer.scene.emission(point),
+                    lamp.arrived,
+                    lamp.vertex.forward,
+                    point.wo,
+                )
             }
             None => {
-                let (direction, density, carried) = path.escaped.filter(|_| t == path.vertices.len() + 2)?;
+                let (direction, density, carried) =
+                    path.escaped.filter(|_| t == path.vertices.len() + 2)?;
                 let end = LightEnd {
                     source: LightSource::Environment,
                     position: Vec3::ZERO,
@@ -110,7 +142,13 @@ impl Bidirectional<'_> {
                     distant: true,
                     delta: false,
                 };
-                (end, self.tracer.scene.lights().environment(direction), carried, density, -direction)
+                (
+                    end,
+                    self.tracer.scene.lights().environment(direction),
+                    carried,
+                    density,
+                    -direction,
+                )
             }
         };
         if emitted == Color::ZERO {
@@ -121,12 +159,23 @@ impl Bidirectional<'_> {
         let sampled = match end.source {
             LightSource::Triangle { instance, triangle, .. } => {
                 let distance = (end.position - origin.position).length();
-                let pdf = lights.pdf_triangle(origin.position, origin.facing, instance, triangle, -direction, distance);
+                let pdf = lights.pdf_triangle(
+                    origin.position,
+                    origin.facing,
+                    instance,
+                    triangle,
+                    -direction,
+                    distance,
+                );
                 hit_density(&end, pdf, origin.position)
             }
             _ => f64::from(lights.pdf_environment(origin.position, origin.facing, -direction)),
         };
-        let density = LightDensity { hit, sampled, emitted: f64::from(self.emission.end_density(&end, direction)) };
+        let density = LightDensity {
+            hit,
+            sampled,
+            emitted: f64::from(self.emission.end_density(&end, direction)),
+        };
         Some(Link {
             light: first_parts(work, emitted * carried),
             end: density,
@@ -137,10 +186,15 @@ impl Bidirectional<'_> {
         })
     }
 
-    /// Density per area of a surface vertex for a light path that starts at `end` along `direction`.
+    /// Density per area of a surface vertex for a light path that starts at `end` along
+    /// `direction`.
     fn ray_density(&self, vertex: &Vertex, end: &LightEnd, direction: Vec3) -> f64 {
         let density = self.emission.ray_density(end, direction);
-        if end.distant { vertex.per_area_of_parallel(density, direction) } else { vertex.per_area(density, end.position) }
+        if end.distant {
+            vertex.per_area_of_parallel(density, direction)
+        } else {
+            vertex.per_area(density, end.position)
+        }
     }
 
     /// Light sampling at a camera vertex.
@@ -151,13 +205,20 @@ impl Bidirectional<'_> {
             return None;
         }
         let origin = v.site().origin();
-        let light = self.tracer.scene.lights().sample(origin.position, origin.facing, seen.choice.0, seen.choice.1)?;
+        let light = self.tracer.scene.lights().sample(
+            origin.position,
+            origin.facing,
+            seen.choice.0,
+            seen.choice.1,
+        )?;
         if !v.agrees(light.wi) {
             return None;
         }
         let scattering = v.of_camera_path(light.wi);
         let radiance = match light.source {
-            LightSource::Triangle { instance, triangle, u, v } if self.tracer.scene.emission_is_textured(instance) => {
+            LightSource::Triangle { instance, triangle, u, v }
+                if self.tracer.scene.emission_is_textured(instance) =>
+            {
                 self.tracer.scene.emission_at(instance, triangle, u, v, light.wi)
             }
             _ => light.radiance,
@@ -167,14 +228,21 @@ impl Bidirectional<'_> {
         let end = self.end_of(&light, v);
         let density = LightDensity {
             hit: hit_density(&end, scattering.to_light, v.point.position),
-            sampled: if end.delta { f64::from(light.pdf) } else { hit_density(&end, light.pdf, v.point.position) },
+            sampled: if end.delta {
+                f64::from(light.pdf)
+            } else {
+                hit_density(&end, light.pdf, v.point.position)
+            },
             emitted: f64::from(self.emission.end_density(&end, -light.wi)),
         };
         Some(Link {
             light: light_parts,
             end: density,
             light_side: [0.0; 2],
-            camera_side: [self.ray_density(v, &end, -light.wi), self.before_camera(work, t, v.camera_density(light.wi))],
+            camera_side: [
+                self.ray_density(v, &end, -light.wi),
+                self.before_camera(work, t, v.camera_density(light.wi)),
+            ],
             ray: Some(self.tracer.scene.shadow_ray(&v.point, &light)),
             pixel: None,
         })
@@ -183,10 +251,16 @@ impl Bidirectional<'_> {
     /// The end of a path on a sampled light.
     fn end_of(&self, light: &LightSample, from: &Vertex) -> LightEnd {
         let distant = light.distance.is_infinite();
-        let position = if distant { Vec3::ZERO } else { from.point.position + light.wi * light.distance };
+        let position =
+            if distant { Vec3::ZERO } else { from.point.position + light.wi * light.distance };
         let normal = match light.source {
             LightSource::Triangle { instance, triangle, .. } => {
-                let normal = self.tracer.scene.lights().emitter(instance, triangle).map_or(Vec3::ZERO, TriangleLight::normal);
+                let normal = self
+                    .tracer
+                    .scene
+                    .lights()
+                    .emitter(instance, triangle)
+                    .map_or(Vec3::ZERO, TriangleLight::normal);
                 if normal.dot(light.wi) > 0.0 { -normal } else { normal }
             }
             LightSource::Environment | LightSource::Punctual(_) => Vec3::ZERO,
@@ -211,11 +285,19 @@ impl Bidirectional<'_> {
         if light.sum() == Color::ZERO {
             return None;
         }
-        let made = f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
+        let made =
+            f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
         let (end, before) = self.before_light(work, s, scattering.to_light);
         let mut ray = self.tracer.scene.spawn(&v.point, view.to_camera);
         ray.tmax = view.distance;
-        Some(Link { light, end, light_side: [made, before], camera_side: [0.0; 2], ray: Some(ray), pixel: Some(pixel) })
+        Some(Link {
+            light,
+            end,
+            light_side: [made, before],
+            camera_side: [0.0; 2],
+            ray: Some(ray),
+            pixel: Some(pixel),
+        })
     }
 
     /// A ray joins the last vertices of both walks.
@@ -235,7 +317,8 @@ impl Bidirectional<'_> {
         }
         let at_light = y.of_light_path(self.tracer.scene, -wi);
         let geometry = y.light_cosine(-wi) * z.point.frame.n.dot(wi).abs() / squared;
-        let brought = y.beta * at_light.f * geometry * y.transmittance(self.tracer.scene, -wi, distance);
+        let brought =
+            y.beta * at_light.f * geometry * y.transmittance(self.tracer.scene, -wi, distance);
         let light = self.parts(work, t, &at_camera, brought)?;
         let (end, before) = self.before_light(work, s, at_light.to_light);
         let mut ray = self.tracer.scene.spawn(&z.point, wi);
@@ -244,21 +327,35 @@ impl Bidirectional<'_> {
             light,
             end,
             light_side: [y.per_area(at_camera.to_light, z.point.position), before],
-            camera_side: [z.per_area(y.onward(-wi), y.point.position), self.before_camera(work, t, z.camera_density(wi))],
+            camera_side: [
+                z.per_area(y.onward(-wi), y.point.position),
+                self.before_camera(work, t, z.camera_density(wi)),
+            ],
             ray: Some(ray),
             pixel: None,
         })
     }
 
-    /// What `brought` becomes at the last of `t` camera vertices and on the way to the camera; `None` for nothing.
-    fn parts(&self, work: &Workspace, t: usize, scattering: &Scattering, brought: Color) -> Option<Reflected> {
+    /// What `brought` becomes at the last of `t` camera vertices and on the way to the camera;
+    /// `None` for nothing.
+    fn parts(
+        &self,
+        work: &Workspace,
+        t: usize,
+        scattering: &Scattering,
+        brought: Color,
+    ) -> Option<Reflected> {
         let carried = work.seen.vertices[t - 2].vertex.beta;
-        let light =
-            if t == 2 { scattering.scaled(brought * carried) } else { first_parts(work, scattering.f * brought * carried) };
+        let light = if t == 2 {
+            scattering.scaled(brought * carried)
+        } else {
+            first_parts(work, scattering.f * brought * carried)
+        };
         (light.sum() != Color::ZERO).then_some(light)
     }
 
-    /// Density per area of the last but one of `t` camera vertices for a light path that samples with `density` at the last.
+    /// Density per area of the last but one of `t` camera vertices for a light path that samples
+    /// with `density` at the last.
     fn before_camera(&self, work: &Workspace, t: usize, density: f32) -> f64 {
         if t < 3 {
             return 0.0;
@@ -267,12 +364,15 @@ impl Bidirectional<'_> {
         before.per_area(density, last.point.position)
     }
 
-    /// The densities of the light's end, and of the last but one of `s` light vertices where that is a surface, for a camera path that samples with `density` at the last.
+    /// The densities of the light's end, and of the last but one of `s` light vertices where that
+    /// is a surface, for a camera path that samples with `density` at the last.
     fn before_light(&self, work: &Workspace, s: usize, density: f32) -> (LightDensity, f64) {
         let path = &work.lit;
         let last = path.vertices[s - 2].point.position;
         match (s, &path.end) {
-            (2, Some(end)) => (LightDensity { hit: hit_density(end, density, last), ..path.density }, 0.0),
+            (2, Some(end)) => {
+                (LightDensity { hit: hit_density(end, density, last), ..path.density }, 0.0)
+            }
             _ => (path.density, path.vertices[s - 3].per_area(density, last)),
         }
     }
@@ -294,7 +394,11 @@ impl Bidirectional<'_> {
                 1 => link.light_side[1],
                 _ => v.backward,
             };
-            densities.push(Density { from_light: v.forward, from_camera, open: i == s - 1 || !v.delta });
+            densities.push(Density {
+                from_light: v.forward,
+                from_camera,
+                open: i == s - 1 || !v.delta,
+            });
         }
         // Without vertices from the light, the last camera vertex is the light's end.
         let last = if s == 0 { t - 2 } else { t - 1 };
@@ -305,7 +409,11 @@ impl Bidirectional<'_> {
                 1 if s > 0 => link.camera_side[1],
                 _ => v.backward,
             };
-            densities.push(Density { from_light, from_camera: v.forward, open: (s > 0 && j == last) || !v.delta });
+            densities.push(Density {
+                from_light,
+                from_camera: v.forward,
+                open: (s > 0 && j == last) || !v.delta,
+            });
         }
         densities.push(Density { from_light: 1.0, from_camera: 1.0, open: true });
     }

@@ -1,4 +1,5 @@
-//! Light paths joined with the point of a gather, so that one sample of it has several sources [Ribardiere11, Fig. 1].
+//! Light paths joined with the point of a gather, so that one sample of it has several sources
+//! [Ribardiere11, Fig. 1].
 
 use super::light_walk::{Follower, walk_from_light};
 use super::vertex::Vertex;
@@ -13,14 +14,18 @@ use crate::sampling::hash;
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;
-/// Joints under a smaller cosine at either end are left out; light that is lost so is found by no ray either.
+/// Joints under a smaller cosine at either end are left out; light that is lost so is found by no
+/// ray either.
 const GRAZING: f32 = 1e-3;
 
 /// Light paths for gathers.
 ///
-/// Whether light comes to the point x of a gather from y on the way of a ray from x, or on that of a light path that visits y, is decided by weights that depend on x and y alone: `p/(p + q)` for rays, p being
-/// their density per area at y, and `q/(p + q)` for light paths, with q one path for each so much of the scene's surface. They sum to one whatever lies behind y, so that rays may end in caches there. They
-/// take away, too, what makes joints of near points bright. Only surfaces without gloss take part: light paths cannot be joined to mirrors.
+/// Whether light comes to the point x of a gather from y on the way of a ray from x, or on that of
+/// a light path that visits y, is decided by weights that depend on x and y alone: `p/(p + q)` for
+/// rays, p being their density per area at y, and `q/(p + q)` for light paths, with q one path for
+/// each so much of the scene's surface. They sum to one whatever lies behind y, so that rays may
+/// end in caches there. They take away, too, what makes joints of near points bright. Only surfaces
+/// without gloss take part: light paths cannot be joined to mirrors.
 pub(in crate::integrator) struct LightPaths<'a> {
     tracer: PathTracer<'a>,
     emission: EmissionSampler<'a>,
@@ -48,7 +53,11 @@ impl<'a> LightPaths<'a> {
         let bounds = tracer.scene.bounds();
         let size = if bounds.is_empty() { Vec3::ONE } else { bounds.max - bounds.min };
         let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
-        Self { tracer, emission: EmissionSampler::new(tracer.scene.lights(), bounds), area: walls.max(f32::MIN_POSITIVE) }
+        Self {
+            tracer,
+            emission: EmissionSampler::new(tracer.scene.lights(), bounds),
+            area: walls.max(f32::MIN_POSITIVE),
+        }
     }
 
     /// q, for `paths` light paths.
@@ -56,8 +65,16 @@ impl<'a> LightPaths<'a> {
         paths as f32 / self.area
     }
 
-    /// The weight of a ray with the density `pdf` per steradian, of all `rays` together, that met a surface with this BSDF at `distance` under the cosine `cos`.
-    pub fn weight_of_ray(&self, bundle: &Bundle, bsdf: &Bsdf, pdf: f32, cos: f32, distance: f32) -> f32 {
+    /// The weight of a ray with the density `pdf` per steradian, of all `rays` together, that met a
+    /// surface with this BSDF at `distance` under the cosine `cos`.
+    pub fn weight_of_ray(
+        &self,
+        bundle: &Bundle,
+        bsdf: &Bsdf,
+        pdf: f32,
+        cos: f32,
+        distance: f32,
+    ) -> f32 {
         if !joinable(bsdf) || cos < GRAZING {
             return 1.0;
         }
@@ -65,11 +82,13 @@ impl<'a> LightPaths<'a> {
         p / (p + self.density(bundle.light_paths))
     }
 
-    /// Joins the light paths that `bundle` asks for with `from`, on `level`. Returns the number of joining rays.
+    /// Joins the light paths that `bundle` asks for with `from`, on `level`. Returns the number of
+    /// joining rays.
     pub fn join(&self, from: &SurfacePoint, level: u8, bundle: &mut Bundle) -> u64 {
         // Interactions before the vertex that is joined: it and the point of the gather follow.
         let most = self.tracer.max_bounces.min(LONGEST_PATH).saturating_sub(u32::from(level));
-        let mut joining = Joining { paths: self, from, bundle, rays: Vec::new(), joints: Vec::new() };
+        let mut joining =
+            Joining { paths: self, from, bundle, rays: Vec::new(), joints: Vec::new() };
         for number in 0..bundle.light_paths {
             let walk = (hash(&[bundle.seed, 2]), number);
             walk_from_light(&self.tracer, &self.emission, walk, most as usize, &mut joining);
@@ -77,7 +96,9 @@ impl<'a> LightPaths<'a> {
         let Joining { rays, joints, .. } = joining;
         let mut blocked = vec![false; rays.len()];
         self.tracer.scene.occluded_many(&rays, &mut blocked);
-        bundle.joints.extend(joints.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(joint, _)| joint));
+        bundle.joints.extend(
+            joints.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(joint, _)| joint),
+        );
         rays.len() as u64
     }
 }
@@ -90,7 +111,11 @@ impl Follower for Joining<'_> {
         let distance = squared.sqrt();
         let dir = offset / distance.max(f32::MIN_POSITIVE);
         let (cos, cos_there) = (from.frame.n.dot(dir), -vertex.point.ng.dot(dir));
-        if !joinable(&vertex.bsdf) || cos_there < GRAZING || cos < GRAZING || from.ng.dot(dir) <= 0.0 {
+        if !joinable(&vertex.bsdf)
+            || cos_there < GRAZING
+            || cos < GRAZING
+            || from.ng.dot(dir) <= 0.0
+        {
             return;
         }
         let q = self.paths.density(self.bundle.light_paths);
@@ -103,7 +128,12 @@ impl Follower for Joining<'_> {
             let mut ray = scene.spawn(from, dir);
             ray.tmax = distance * (1.0 - SHORTENING);
             self.rays.push(ray);
-            self.joints.push(Joint { offset, normal: vertex.point.ng, irradiance, area: 1.0 / (p + q) });
+            self.joints.push(Joint {
+                offset,
+                normal: vertex.point.ng,
+                irradiance,
+                area: 1.0 / (p + q),
+            });
         }
     }
 }

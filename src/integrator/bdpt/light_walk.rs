@@ -16,16 +16,19 @@ pub(super) trait Follower {
         let _ = start;
     }
 
-    /// A vertex was met by a ray along `dir`, which was sampled with `density`: per steradian, or per area of the front where the light is distant; 1 behind a delta lobe.
+    /// A vertex was met by a ray along `dir`, which was sampled with `density`: per steradian, or
+    /// per area of the front where the light is distant; 1 behind a delta lobe.
     fn arrive(&mut self, vertex: Vertex, density: f32, dir: Vec3);
 
-    /// The walk left the last vertex by a delta lobe, or not; `back` is the density with which a camera path would have sampled the way back.
+    /// The walk left the last vertex by a delta lobe, or not; `back` is the density with which a
+    /// camera path would have sampled the way back.
     fn leave(&mut self, delta: bool, back: f32) {
         let _ = (delta, back);
     }
 }
 
-/// Walk number `number` of those of `seed` from a light of `emission`, over at most `most` vertices.
+/// Walk number `number` of those of `seed` from a light of `emission`, over at most `most`
+/// vertices.
 pub(super) fn walk_from_light(
     tracer: &PathTracer,
     emission: &EmissionSampler,
@@ -38,7 +41,9 @@ pub(super) fn walk_from_light(
     let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
     let Some(start) = emission.sample(select, place, turn) else { return };
     let emitted = match start.end.source {
-        LightSource::Triangle { instance, triangle, u, v } if scene.emission_is_textured(instance) => {
+        LightSource::Triangle { instance, triangle, u, v }
+            if scene.emission_is_textured(instance) =>
+        {
             scene.emission_at(instance, triangle, u, v, -start.direction)
         }
         _ => start.emitted,
@@ -53,7 +58,9 @@ pub(super) fn walk_from_light(
     let (mut first, mut last): (Color, Option<Vertex>) = (Color::ONE, None);
     let alpha = hash(&[seed, u64::from(number)]);
     for count in 0..most {
-        let Some((raw, distance)) = scene.intersect(&ray, alpha.wrapping_add(count as u64)) else { return };
+        let Some((raw, distance)) = scene.intersect(&ray, alpha.wrapping_add(count as u64)) else {
+            return;
+        };
         match &last {
             None => {
                 beta *= emission.window(&start.end, distance);
@@ -79,12 +86,18 @@ pub(super) fn walk_from_light(
             // The next set of numbers starts with the lobe and the direction.
             sampler.next_1d();
         }
-        let Some((scattered, next)) = tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
+        let Some((scattered, next)) =
+            tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything)
+        else {
+            return;
+        };
         let delta = scattered.lobe == Lobe::Delta;
         density = if delta { 1.0 } else { scattered.pdf };
         let back = if delta {
-            // Light loses nothing by the change of its solid angle, and the cosines of shading normals are not those of a camera path.
-            let corrected = vertex.light_cosine(next.dir) / vertex.point.frame.n.dot(next.dir).abs();
+            // Light loses nothing by the change of its solid angle, and the cosines of shading
+            // normals are not those of a camera path.
+            let corrected =
+                vertex.light_cosine(next.dir) / vertex.point.frame.n.dot(next.dir).abs();
             beta *= scattered.weight * (scattered.eta * scattered.eta * corrected);
             1.0
         } else {

@@ -1,7 +1,10 @@
-//! Bidirectional path tracing [Veach97, Ch. 10]: every path is made in all ways of joining a walk from a light with a walk from the camera.
+//! Bidirectional path tracing [Veach97, Ch. 10]: every path is made in all ways of joining a walk
+//! from a light with a walk from the camera.
 //!
-//! With s vertices from the light and t from the camera, s = 0 is a camera path that hits a lamp, s = 1 light sampling, t = 1 a light path that the camera sees, which may fall on any pixel
-//! of the image: a splat. One light path belongs to each camera sample. What a path contributes and to which layer does not depend on the way it was made.
+//! With s vertices from the light and t from the camera, s = 0 is a camera path that hits a lamp, s
+//! = 1 light sampling, t = 1 a light path that the camera sees, which may fall on any pixel
+//! of the image: a splat. One light path belongs to each camera sample. What a path contributes and
+//! to which layer does not depend on the way it was made.
 
 mod connect;
 mod joints;
@@ -52,7 +55,8 @@ pub(super) struct Workspace {
 }
 
 impl<'a> Bidirectional<'a> {
-    /// For the scene of `tracer`, with its bound on paths, and the pixels of `window` (x0, y0, x1, y1, ends excluded) of an image of `size` pixels.
+    /// For the scene of `tracer`, with its bound on paths, and the pixels of `window` (x0, y0, x1,
+    /// y1, ends excluded) of an image of `size` pixels.
     pub fn new(tracer: PathTracer<'a>, camera: Camera, size: [u32; 2], window: [u32; 4]) -> Self {
         let emission = EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds());
         Self { tracer, camera, size, window, emission }
@@ -64,15 +68,22 @@ impl<'a> Bidirectional<'a> {
         f64::from(x1 - x0) * f64::from(y1 - y0)
     }
 
-    /// Shades `samples` into `out`, in their order, and appends what their light paths bring to other pixels to `splats`. The sum of a pixel's samples and splats over the number of its
-    /// samples estimates its radiance once every pixel of the window has got the same number of samples.
+    /// Shades `samples` into `out`, in their order, and appends what their light paths bring to
+    /// other pixels to `splats`. The sum of a pixel's samples and splats over the number of its
+    /// samples estimates its radiance once every pixel of the window has got the same number of
+    /// samples.
     pub fn shade(&self, samples: &[CameraSample], out: &mut Vec<Shaded>, splats: &mut Vec<Splat>) {
         let mut work = Workspace::default();
         out.clear();
         out.extend(samples.iter().map(|sample| self.shade_one(sample, &mut work, splats)));
     }
 
-    fn shade_one(&self, sample: &CameraSample, work: &mut Workspace, splats: &mut Vec<Splat>) -> Shaded {
+    fn shade_one(
+        &self,
+        sample: &CameraSample,
+        work: &mut Workspace,
+        splats: &mut Vec<Splat>,
+    ) -> Shaded {
         let mut out = Shaded::default();
         self.walk_from_camera(sample, &mut work.seen, &mut out);
         self.walk_from_light(sample, &mut work.lit);

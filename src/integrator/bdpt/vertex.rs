@@ -71,11 +71,16 @@ impl Vertex {
         !self.bsdf.is_delta_only()
     }
 
-    /// Density per area of this vertex for a walk that samples, at `from`, the direction to it with `density` per steradian.
+    /// Density per area of this vertex for a walk that samples, at `from`, the direction to it with
+    /// `density` per steradian.
     pub fn per_area(&self, density: f32, from: Vec3) -> f64 {
         let offset = from - self.point.position;
         let squared = offset.length_squared();
-        if squared > 0.0 { f64::from(density * self.point.ng.dot(offset).abs() / (squared * squared.sqrt())) } else { 0.0 }
+        if squared > 0.0 {
+            f64::from(density * self.point.ng.dot(offset).abs() / (squared * squared.sqrt()))
+        } else {
+            0.0
+        }
     }
 
     /// The same for a walk of parallel rays with `density` per area across them.
@@ -83,17 +88,20 @@ impl Vertex {
         f64::from(density * self.point.ng.dot(direction).abs())
     }
 
-    /// Density per steradian with which the vertex's own walk goes on from `point.wo` into a direction.
+    /// Density per steradian with which the vertex's own walk goes on from `point.wo` into a
+    /// direction.
     pub fn onward(&self, to: Vec3) -> f32 {
         self.bsdf.pdf(self.point.frame.to_local(self.point.wo), self.point.frame.to_local(to))
     }
 
-    /// For a camera path: scattering of light that comes from the unit direction `light` towards the camera.
+    /// For a camera path: scattering of light that comes from the unit direction `light` towards
+    /// the camera.
     pub fn of_camera_path(&self, light: Vec3) -> Scattering {
         Scattering::new(&self.bsdf, &self.point.frame, self.point.wo, light)
     }
 
-    /// For a camera path: the density per steradian with which a light path from `light` goes on towards the camera.
+    /// For a camera path: the density per steradian with which a light path from `light` goes on
+    /// towards the camera.
     pub fn camera_density(&self, light: Vec3) -> f32 {
         self.bsdf.pdf(self.point.frame.to_local(light), self.point.frame.to_local(self.point.wo))
     }
@@ -103,11 +111,13 @@ impl Vertex {
         (self.point.frame.n.dot(direction) > 0.0) == (self.point.ng.dot(direction) > 0.0)
     }
 
-    /// For a light path: scattering of its light into the unit direction `camera`, the surface shaded as a camera path from there would see it. Its shading normal may be bent towards
+    /// For a light path: scattering of its light into the unit direction `camera`, the surface
+    /// shaded as a camera path from there would see it. Its shading normal may be bent towards
     /// the viewer, and what lies on the other side may be another medium.
     pub fn of_light_path(&self, scene: &Scene, camera: Vec3) -> Scattering {
         let (n, light) = (self.point.frame.n, self.point.wo);
-        let same = camera.dot(self.point.ng) > 0.0 && (n == self.point.ng || n.dot(camera).min(n.dot(light)) > BENT_COS);
+        let same = camera.dot(self.point.ng) > 0.0
+            && (n == self.point.ng || n.dot(camera).min(n.dot(light)) > BENT_COS);
         if same {
             return Scattering::new(&self.bsdf, &self.point.frame, camera, light);
         }
@@ -116,7 +126,8 @@ impl Vertex {
         Scattering::new(&bsdf, &point.frame, camera, light)
     }
 
-    /// For a light path: the factor beside `f` for light that goes on into a direction. Shading normals count as they do for a camera path, where the cosine of the incident direction
+    /// For a light path: the factor beside `f` for light that goes on into a direction. Shading
+    /// normals count as they do for a camera path, where the cosine of the incident direction
     /// is the shading one [Veach97, Eq. 5.17].
     ///
     /// ```text
@@ -131,7 +142,8 @@ impl Vertex {
         if below > 0.0 { n.dot(light).abs() * ng.dot(camera).abs() / below } else { 0.0 }
     }
 
-    /// What is left of light that left the vertex along `camera` after `distance`, as a camera path from there applies it.
+    /// What is left of light that left the vertex along `camera` after `distance`, as a camera path
+    /// from there applies it.
     pub fn transmittance(&self, scene: &Scene, camera: Vec3, distance: f32) -> Color {
         let behind = camera.dot(self.point.ng) < 0.0;
         if self.point.back_face == behind {

@@ -18,9 +18,11 @@ const LIGHT_STREAM: u64 = 0x006c_6967_6874;
 #[derive(Default)]
 pub(super) struct CameraPath {
     pub vertices: Vec<Seen>,
-    /// The direction in which it left the scene, with its density per steradian, and what it carried.
+    /// The direction in which it left the scene, with its density per steradian, and what it
+    /// carried.
     pub escaped: Option<(Vec3, f64, Color)>,
-    /// The weights of the first scattering by the diffuse lobe and by the others, which what later vertices carry does not include.
+    /// The weights of the first scattering by the diffuse lobe and by the others, which what later
+    /// vertices carry does not include.
     pub first: (Color, Color),
 }
 
@@ -49,16 +51,24 @@ impl Bidirectional<'_> {
     }
 
     /// Walks from the camera; notes the first surface in `out`.
-    pub(super) fn walk_from_camera(&self, sample: &CameraSample, path: &mut CameraPath, out: &mut Shaded) {
+    pub(super) fn walk_from_camera(
+        &self,
+        sample: &CameraSample,
+        path: &mut CameraPath,
+        out: &mut Shaded,
+    ) {
         path.vertices.clear();
         path.escaped = None;
-        let (mut sampler, seed, mut ray) = (sample.sampler.clone(), sample.alpha_seed(), sample.ray());
+        let (mut sampler, seed, mut ray) =
+            (sample.sampler.clone(), sample.alpha_seed(), sample.ray());
         // As the path tracer's: without the first scattering, whose weight is kept apart.
         let (mut beta, mut carried) = (Color::ONE, Color::ONE);
         let mut density = f32::INFINITY;
         loop {
             let count = path.vertices.len();
-            let Some((raw, distance)) = self.tracer.scene.intersect(&ray, seed.wrapping_add(count as u64)) else {
+            let Some((raw, distance)) =
+                self.tracer.scene.intersect(&ray, seed.wrapping_add(count as u64))
+            else {
                 path.escaped = Some((ray.dir, f64::from(density), beta));
                 return;
             };
@@ -81,7 +91,11 @@ impl Bidirectional<'_> {
             if count >= self.most_surfaces() {
                 return;
             }
-            let Some((scattered, next)) = self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything) else { return };
+            let Some((scattered, next)) =
+                self.tracer.scatter(&vertex.site(), &mut sampler, Sampled::Everything)
+            else {
+                return;
+            };
             let (to, single) = (next.dir, scattered.lobe == Lobe::Delta);
             density = if single { 1.0 } else { scattered.pdf };
             if count == 0 {
@@ -96,7 +110,8 @@ impl Bidirectional<'_> {
                 before.vertex.backward = before.vertex.per_area(back, vertex.point.position);
             }
             if count >= ROULETTE_AFTER as usize {
-                let survival = (carried.max_element() * scattered.eta * scattered.eta).min(MAX_SURVIVAL);
+                let survival =
+                    (carried.max_element() * scattered.eta * scattered.eta).min(MAX_SURVIVAL);
                 if sampler.next_1d() >= survival {
                     return;
                 }
@@ -106,10 +121,13 @@ impl Bidirectional<'_> {
         }
     }
 
-    /// Density per area with which the camera makes the first vertex, all samples of the window taken together.
+    /// Density per area with which the camera makes the first vertex, all samples of the window
+    /// taken together.
     fn camera_density(&self, vertex: &Vertex) -> f64 {
         let view = self.camera.view(vertex.point.position, self.size);
-        view.map_or(0.0, |v| f64::from(v.pixels_per_area * vertex.point.ng.dot(v.to_camera).abs()) / self.pixels())
+        view.map_or(0.0, |v| {
+            f64::from(v.pixels_per_area * vertex.point.ng.dot(v.to_camera).abs()) / self.pixels()
+        })
     }
 
     /// Walks from a light.
@@ -118,7 +136,13 @@ impl Bidirectional<'_> {
         path.end = None;
         let seed = hash(&[sample.seed, LIGHT_STREAM]);
         let mut builder = Builder { bidirectional: self, path };
-        walk_from_light(&self.tracer, &self.emission, (seed, sample.index), self.most_surfaces(), &mut builder);
+        walk_from_light(
+            &self.tracer,
+            &self.emission,
+            (seed, sample.index),
+            self.most_surfaces(),
+            &mut builder,
+        );
     }
 
     /// Density with which light sampling at `vertex` finds the end of a light path.
@@ -132,7 +156,8 @@ impl Bidirectional<'_> {
             LightSource::Triangle { instance, triangle, .. } => {
                 let offset = end.position - p;
                 let distance = offset.length();
-                let pdf = lights.pdf_triangle(p, n, instance, triangle, offset / distance, distance);
+                let pdf =
+                    lights.pdf_triangle(p, n, instance, triangle, offset / distance, distance);
                 hit_density(end, pdf, p)
             }
         }
@@ -148,7 +173,8 @@ struct Builder<'a, 'b> {
 impl Follower for Builder<'_, '_> {
     fn begin(&mut self, start: &Emission) {
         self.path.end = Some(start.end);
-        self.path.density = LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
+        self.path.density =
+            LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
     }
 
     fn arrive(&mut self, mut vertex: Vertex, density: f32, dir: Vec3) {
@@ -156,7 +182,9 @@ impl Follower for Builder<'_, '_> {
         vertex.forward = match (path.vertices.last(), path.end) {
             (Some(last), _) => vertex.per_area(density, last.point.position),
             (None, Some(end)) if end.distant => vertex.per_area_of_parallel(density, dir),
-            (None, end) => vertex.per_area(density, end.map_or(vertex.point.position, |e| e.position)),
+            (None, end) => {
+                vertex.per_area(density, end.map_or(vertex.point.position, |e| e.position))
+            }
         };
         if let (true, Some(end)) = (path.vertices.is_empty(), path.end) {
             path.density.sampled = self.bidirectional.sampled_density(&vertex, &end);
@@ -164,7 +192,8 @@ impl Follower for Builder<'_, '_> {
         path.vertices.push(vertex);
     }
 
-    /// Sets the density with which a camera path that comes by the last vertex makes the one before it, or the light's end.
+    /// Sets the density with which a camera path that comes by the last vertex makes the one before
+    /// it, or the light's end.
     fn leave(&mut self, delta: bool, back: f32) {
         let LightPath { end, density, vertices } = &mut *self.path;
         match (&mut vertices[..], end) {
@@ -181,8 +210,9 @@ impl Follower for Builder<'_, '_> {
     }
 }
 
-/// The density of a light's end for a camera path that samples the direction to it with `density` per steradian at `from`: per area of a surface, per steradian for the
-/// environment, 0 for a light without extent.
+/// The density of a light's end for a camera path that samples the direction to it with `density`
+/// per steradian at `from`: per area of a surface, per steradian for the environment, 0 for a light
+/// without extent.
 pub(super) fn hit_density(end: &LightEnd, density: f32, from: Vec3) -> f64 {
     if end.delta {
         return 0.0;
@@ -192,5 +222,9 @@ pub(super) fn hit_density(end: &LightEnd, density: f32, from: Vec3) -> f64 {
     }
     let offset = from - end.position;
     let squared = offset.length_squared();
-    if squared > 0.0 { f64::from(density * end.normal.dot(offset).abs() / (squared * squared.sqrt())) } else { 0.0 }
+    if squared > 0.0 {
+        f64::from(density * end.normal.dot(offset).abs() / (squared * squared.sqrt()))
+    } else {
+        0.0
+    }
 }

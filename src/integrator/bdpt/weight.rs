@@ -22,16 +22,19 @@ pub(super) struct LightDensity {
     pub emitted: f64,
 }
 
-/// The weight of one way to make a path by the power heuristic with exponent 2 [Veach97, Eq. 9.13, Sec. 10.2].
+/// The weight of one way to make a path by the power heuristic with exponent 2 [Veach97, Eq. 9.13,
+/// Sec. 10.2].
 ///
-/// The path has the vertices x₀ on the light, x₁ ... x_k, and x_k at the camera; `inner` holds the densities of x₁ ... x_k. The strategy s makes s vertices from the light
-/// and the others from the camera and joins x_{s-1} with x_s. With the densities → from the light and ← from the camera,
+/// The path has the vertices x₀ on the light, x₁ ... x_k, and x_k at the camera; `inner` holds the
+/// densities of x₁ ... x_k. The strategy s makes s vertices from the light and the others from the
+/// camera and joins x_{s-1} with x_s. With the densities → from the light and ← from the camera,
 ///
 /// ```text
 /// p_s = p(x₀) Π_{1≤i<s} →p(x_i) Π_{s≤i<k, i≥1} ←p(x_i)
 /// ```
 ///
-/// where p(x₀) is the density of being hit for s = 0, of light sampling at x₁ for s = 1, and of emission from s = 2 on. Only quotients are formed.
+/// where p(x₀) is the density of being hit for s = 0, of light sampling at x₁ for s = 1, and of
+/// emission from s = 2 on. Only quotients are formed.
 pub(super) fn weight(light: &LightDensity, inner: &[Density], strategy: usize) -> f64 {
     let last = inner.len();
     let head = |s: usize| match s {
@@ -87,13 +90,23 @@ mod tests {
             let k = 1 + (rng.next_u64() % 12) as usize;
             let density = |rng: &mut Rng| 10f64.powf(8.0 * f64::from(rng.next_f32()) - 4.0);
             let mut inner: Vec<_> = (0..k)
-                .map(|_| Density { from_light: density(&mut rng), from_camera: density(&mut rng), open: rng.next_f32() < 0.7 })
+                .map(|_| Density {
+                    from_light: density(&mut rng),
+                    from_camera: density(&mut rng),
+                    open: rng.next_f32() < 0.7,
+                })
                 .collect();
             inner[k - 1].open = true;
             let extent = if round % 3 == 0 { 0.0 } else { density(&mut rng) };
-            let light = LightDensity { hit: extent, sampled: density(&mut rng), emitted: density(&mut rng) };
+            let light = LightDensity {
+                hit: extent,
+                sampled: density(&mut rng),
+                emitted: density(&mut rng),
+            };
             let open = |i: usize| i == 0 || inner[i - 1].open;
-            let possible: Vec<_> = (0..=k).filter(|&s| if s == 0 { extent > 0.0 } else { open(s - 1) && open(s) }).collect();
+            let possible: Vec<_> = (0..=k)
+                .filter(|&s| if s == 0 { extent > 0.0 } else { open(s - 1) && open(s) })
+                .collect();
             let sum: f64 = possible.iter().map(|&s| weight(&light, &inner, s)).sum();
             assert!(possible.is_empty() || (sum - 1.0).abs() < 1e-9, "{sum} {inner:?}");
         }
@@ -101,15 +114,21 @@ mod tests {
 
     #[test]
     fn the_only_way_has_all_the_weight() {
-        // A caustic of a point light: behind a mirror at x₁, seen at x₂, nothing but a light path makes it.
-        let inner = [(false, 1.0), (true, 2.0), (true, 1.0)].map(|(open, p)| Density { from_light: p, from_camera: 3.0, open });
+        // A caustic of a point light: behind a mirror at x₁, seen at x₂, nothing but a light path
+        // makes it.
+        let inner = [(false, 1.0), (true, 2.0), (true, 1.0)].map(|(open, p)| Density {
+            from_light: p,
+            from_camera: 3.0,
+            open,
+        });
         let light = LightDensity { hit: 0.0, sampled: 1.0, emitted: 0.5 };
         assert_eq!(weight(&light, &inner, 3), 1.0);
     }
 
     #[test]
     fn a_known_path_has_its_known_weights() {
-        // One surface: densities 2 of hitting the lamp, 3 of sampling it, 5 · 7 against 11 of the light path.
+        // One surface: densities 2 of hitting the lamp, 3 of sampling it, 5 · 7 against 11 of the
+        // light path.
         let inner = [
             Density { from_light: 7.0, from_camera: 11.0, open: true },
             Density { from_light: 1.0, from_camera: 1.0, open: true },

@@ -9,10 +9,12 @@ use crate::math::{Vec2, Vec3};
 use parse::Content;
 use std::f64::consts::PI;
 
-/// The luminous intensity of a luminaire over direction, as an IES file (ANSI/IES LM-63 [LM63]) has it.
+/// The luminous intensity of a luminaire over direction, as an IES file (ANSI/IES LM-63 [LM63]) has
+/// it.
 ///
-/// In the profile's frame the light's zero, where both angles of the file are 0, is -Z, the horizontal photometric plane of type C is XY and the
-/// vertical one of every type is XZ, as the glTF extension EXT_lights_ies says. With V the vertical and H the horizontal angle,
+/// In the profile's frame the light's zero, where both angles of the file are 0, is -Z, the
+/// horizontal photometric plane of type C is XY and the vertical one of every type is XZ, as the
+/// glTF extension EXT_lights_ies says. With V the vertical and H the horizontal angle,
 ///
 /// ```text
 /// type C   d = ( sin V cos H,  sin V sin H, -cos V)           H counter-clockwise as seen from +Z
@@ -20,8 +22,9 @@ use std::f64::consts::PI;
 /// type A   d = ( sin V,       -cos V sin H, -cos V cos H)     the polar axis is X
 /// ```
 ///
-/// Between the angles of the file the intensity is bilinear in them; outside their range it is zero. Files that give part of a symmetric
-/// distribution are extended: type C with one plane in all directions, from 0 to 90 in every quadrant, from 0 to 180 and from 90 to 270 about the plane
+/// Between the angles of the file the intensity is bilinear in them; outside their range it is
+/// zero. Files that give part of a symmetric distribution are extended: type C with one plane in
+/// all directions, from 0 to 90 in every quadrant, from 0 to 180 and from 90 to 270 about the plane
 /// of these two; types A and B about the plane of the angle 0 where an angle begins at 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IesProfile {
@@ -44,13 +47,17 @@ pub struct IesProfile {
 }
 
 impl IesProfile {
-    /// Reads the bytes of an IES file of the editions 1986, 1991, 1995, 2002 and 2019. Candela are absolute: the values of the file times its
-    /// multiplier, ballast factor and, up to 1995, ballast-lamp photometric factor. `tilt_file` gets the bytes of the file that a line TILT=NAME
-    /// names, or says why it cannot.
+    /// Reads the bytes of an IES file of the editions 1986, 1991, 1995, 2002 and 2019. Candela are
+    /// absolute: the values of the file times its multiplier, ballast factor and, up to 1995,
+    /// ballast-lamp photometric factor. `tilt_file` gets the bytes of the file that a line
+    /// TILT=NAME names, or says why it cannot.
     ///
     /// # Errors
     /// What is wrong and in which line.
-    pub fn parse(bytes: &[u8], tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>) -> Result<Self, IesFault> {
+    pub fn parse(
+        bytes: &[u8],
+        tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+    ) -> Result<Self, IesFault> {
         parse::parse(bytes, tilt_file).map(Self::new)
     }
 
@@ -60,16 +67,31 @@ impl IesProfile {
         let read = |v: usize, h: usize| candela[h * rows + v];
         // Which angle turns about the polar axis, and from which end of the other one counts.
         let (axes, turning, leaning) = match photometry {
-            Photometry::C => ([Vec3::X, Vec3::Y, Vec3::NEG_Z], turned(&horizontal), ascending(&vertical)),
-            Photometry::B => ([Vec3::NEG_Z, Vec3::X, Vec3::NEG_Y], mirrored(&vertical), descending(&mirrored(&horizontal))),
-            Photometry::A => ([Vec3::NEG_Z, Vec3::NEG_Y, Vec3::X], mirrored(&horizontal), descending(&mirrored(&vertical))),
+            Photometry::C => {
+                ([Vec3::X, Vec3::Y, Vec3::NEG_Z], turned(&horizontal), ascending(&vertical))
+            }
+            Photometry::B => (
+                [Vec3::NEG_Z, Vec3::X, Vec3::NEG_Y],
+                mirrored(&vertical),
+                descending(&mirrored(&horizontal)),
+            ),
+            Photometry::A => (
+                [Vec3::NEG_Z, Vec3::NEG_Y, Vec3::X],
+                mirrored(&horizontal),
+                descending(&mirrored(&vertical)),
+            ),
         };
         let value = |turn: usize, lean: usize| match photometry {
             Photometry::B => read(turn, lean),
             Photometry::A | Photometry::C => read(lean, turn),
         };
-        let grid = turning.iter().flat_map(|(_, t)| leaning.iter().map(|(_, l)| value(*t, *l) as f32)).collect();
-        let radians = |knots: &[(f64, usize)]| knots.iter().map(|(degrees, _)| degrees.to_radians()).collect();
+        let grid = turning
+            .iter()
+            .flat_map(|(_, t)| leaning.iter().map(|(_, l)| value(*t, *l) as f32))
+            .collect();
+        let radians = |knots: &[(f64, usize)]| {
+            knots.iter().map(|(degrees, _)| degrees.to_radians()).collect()
+        };
         let mut profile = Self {
             photometry,
             axes,
@@ -89,7 +111,11 @@ impl IesProfile {
     fn integrate(&mut self) {
         let cells = self.azimuth.len() - 1;
         let at = |i: usize, j: usize| f64::from(self.candela[i * self.polar.len() + j]);
-        let row = |j| (0..cells).map(|i| 0.5 * (at(i, j) + at(i + 1, j)) * (self.azimuth[i + 1] - self.azimuth[i])).sum();
+        let row = |j| {
+            (0..cells)
+                .map(|i| 0.5 * (at(i, j) + at(i + 1, j)) * (self.azimuth[i + 1] - self.azimuth[i]))
+                .sum()
+        };
         self.rows = (0..self.polar.len()).map(row).collect();
         for band in 0..self.polar.len() - 1 {
             let total = self.sums[band] + self.band(band, self.polar[band + 1]).max(0.0);
@@ -97,7 +123,8 @@ impl IesProfile {
         }
     }
 
-    /// The integral over a band between two polar angles, up to the angle `theta`: that of M(θ) sinθ, M linear from row to row.
+    /// The integral over a band between two polar angles, up to the angle `theta`: that of M(θ)
+    /// sinθ, M linear from row to row.
     fn band(&self, band: usize, theta: f64) -> f64 {
         let (start, end) = (self.polar[band], self.polar[band + 1]);
         let slope = (self.rows[band + 1] - self.rows[band]) / (end - start);
@@ -136,7 +163,8 @@ impl IesProfile {
         }
     }
 
-    /// The factor on the light of a luminaire whose zero direction is tilted from straight down by `radians`: 1 unless the file has a TILT section.
+    /// The factor on the light of a luminaire whose zero direction is tilted from straight down by
+    /// `radians`: 1 unless the file has a TILT section.
     pub fn tilt_factor(&self, radians: f32) -> f32 {
         let angle = f64::from(radians).to_degrees();
         let next = self.tilt.partition_point(|(a, _)| *a <= angle);
@@ -149,7 +177,8 @@ impl IesProfile {
         factor as f32
     }
 
-    /// The cell that holds a unit direction, and where in it: plane and row below, and the fractions towards the next.
+    /// The cell that holds a unit direction, and where in it: plane and row below, and the
+    /// fractions towards the next.
     fn locate(&self, direction: Vec3) -> Option<([usize; 2], [f64; 2])> {
         let [x, y, z] = self.axes.map(|axis| f64::from(direction.dot(axis)));
         let theta = x.hypot(y).atan2(z);
@@ -179,12 +208,14 @@ impl IesProfile {
         self.locate(direction).map_or(0.0, |(cell, place)| self.interpolate(cell, place) as f32)
     }
 
-    /// Density per steradian with which [`IesProfile::sample`] draws a unit direction: exactly the intensity over the flux.
+    /// Density per steradian with which [`IesProfile::sample`] draws a unit direction: exactly the
+    /// intensity over the flux.
     pub fn pdf(&self, direction: Vec3) -> f32 {
         if self.total() > 0.0 { self.intensity(direction) / self.flux() } else { 0.0 }
     }
 
-    /// A direction of the profile's frame drawn in proportion to the intensity; `u` in [0, 1)². `None` for a profile without light.
+    /// A direction of the profile's frame drawn in proportion to the intensity; `u` in [0, 1)².
+    /// `None` for a profile without light.
     pub fn sample(&self, u: Vec2) -> Option<Vec3> {
         if self.total() <= 0.0 {
             return None;
@@ -196,7 +227,10 @@ impl IesProfile {
         // The azimuth by the interpolated row: the density is linear from plane to plane.
         let t = (theta - self.polar[band]) / (self.polar[band + 1] - self.polar[band]);
         let value = |i: usize| {
-            self.interpolate([i.min(self.azimuth.len() - 2), band], [if i + 1 == self.azimuth.len() { 1.0 } else { 0.0 }, t])
+            self.interpolate(
+                [i.min(self.azimuth.len() - 2), band],
+                [if i + 1 == self.azimuth.len() { 1.0 } else { 0.0 }, t],
+            )
         };
         let row = self.rows[band] + (self.rows[band + 1] - self.rows[band]) * t;
         let mut left = f64::from(u.x) * row;
@@ -274,7 +308,8 @@ fn turned(angles: &[f64]) -> Knots {
     // Each mirror plane stands at the end of what there is so far.
     let reflect = |knots: &mut Knots| {
         let end = knots[knots.len() - 1].0;
-        let image: Vec<_> = knots.iter().rev().skip(1).map(|(angle, i)| (2.0 * end - angle, *i)).collect();
+        let image: Vec<_> =
+            knots.iter().rev().skip(1).map(|(angle, i)| (2.0 * end - angle, *i)).collect();
         knots.extend(image);
     };
     if last == 90.0 {

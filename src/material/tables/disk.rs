@@ -17,15 +17,19 @@ const CHECKSUM: usize = blake3::OUT_LEN;
 pub struct TableStore(Option<PathBuf>);
 
 impl TableStore {
-    /// The folder that [`TABLES_VARIABLE`] names, else `lumicache` in the user's cache folder (`XDG_CACHE_HOME`, `~/.cache`).
+    /// The folder that [`TABLES_VARIABLE`] names, else `lumicache` in the user's cache folder
+    /// (`XDG_CACHE_HOME`, `~/.cache`).
     pub fn from_environment() -> Self {
         let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
         Self(match variable(TABLES_VARIABLE) {
             Some(folder) if folder == "off" => None,
             Some(folder) => Some(folder.into()),
             None => {
-                let caches = variable("XDG_CACHE_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
-                caches.or_else(|| Some(PathBuf::from(variable("HOME")?).join(".cache"))).map(|c| c.join("lumicache"))
+                let caches =
+                    variable("XDG_CACHE_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
+                caches
+                    .or_else(|| Some(PathBuf::from(variable("HOME")?).join(".cache")))
+                    .map(|c| c.join("lumicache"))
             }
         })
     }
@@ -35,7 +39,8 @@ impl TableStore {
         Self(Some(path.into()))
     }
 
-    /// The table for `key`, which names everything it depends on: read, or else made by `build` and written. A damaged file counts as none; a folder that cannot be written costs time, no more.
+    /// The table for `key`, which names everything it depends on: read, or else made by `build` and
+    /// written. A damaged file counts as none; a folder that cannot be written costs time, no more.
     pub fn get(&self, key: &str, build: impl FnOnce() -> LobeTable) -> LobeTable {
         let Some(folder) = &self.0 else { return build() };
         let path = folder.join(format!("{}.brdf", &blake3::hash(key.as_bytes()).to_hex()[..32]));
@@ -70,15 +75,20 @@ fn decode(bytes: &[u8], key: &str) -> Option<LobeTable> {
         return None;
     }
     let body = body.strip_prefix(MAGIC)?;
-    let body = body.strip_prefix(&(key.len() as u32).to_le_bytes())?.strip_prefix(key.as_bytes())?;
+    let body =
+        body.strip_prefix(&(key.len() as u32).to_le_bytes())?.strip_prefix(key.as_bytes())?;
     let (&[order, parts, isotropic], body) = body.split_first_chunk()?;
     let (order, parts, isotropic) = (usize::from(order), usize::from(parts), isotropic != 0);
     let nodes = LobeTable::node_count(isotropic);
-    let (lost, coefficients) = (nodes * LobeTable::levels(order, parts), nodes * LobeTable::stride(order, isotropic, parts));
+    let (lost, coefficients) = (
+        nodes * LobeTable::levels(order, parts),
+        nodes * LobeTable::stride(order, isotropic, parts),
+    );
     if body.len() != 4 * (lost + coefficients) {
         return None;
     }
-    let mut numbers = body.chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().expect("four bytes")));
+    let mut numbers =
+        body.chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().expect("four bytes")));
     let lost = numbers.by_ref().take(lost).collect();
     Some(LobeTable { order, parts, isotropic, lost, coefficients: numbers.collect() })
 }
@@ -104,7 +114,8 @@ mod tests {
         assert_eq!((store.get("a", build), made.get()), (first.clone(), 1));
         let _ = store.get("b", build);
         assert_eq!(made.get(), 2, "another key, another table");
-        let files: Vec<_> = std::fs::read_dir(dir.path().join("new")).unwrap().map(|e| e.unwrap().path()).collect();
+        let files: Vec<_> =
+            std::fs::read_dir(dir.path().join("new")).unwrap().map(|e| e.unwrap().path()).collect();
         assert_eq!(files.len(), 2);
         for (damage, cut) in [(true, 0), (false, 1), (false, 200)] {
             for file in &files {
@@ -118,7 +129,11 @@ mod tests {
             assert_eq!(store.get("a", build), first);
             assert_eq!(store.get("b", build), first);
             assert_eq!(made.get(), before + 2, "damaged files are not used");
-            assert_eq!((store.get("a", build), made.get()), (first.clone(), before + 2), "and are replaced");
+            assert_eq!(
+                (store.get("a", build), made.get()),
+                (first.clone(), before + 2),
+                "and are replaced"
+            );
         }
         assert_eq!(TableStore::default().get("a", build), first);
     }

@@ -7,7 +7,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Up to three functions of two directions, which a surface adds up with factors of its own.
 pub struct Lobe<'a> {
-    /// `f(wo, wi)` of each part, without the cosine; both directions are above the surface. For an ordinary BRDF the parts are its three channels.
+    /// `f(wo, wi)` of each part, without the cosine; both directions are above the surface. For an
+    /// ordinary BRDF the parts are its three channels.
     pub f: &'a (dyn Fn(Vec3, Vec3) -> [f32; 3] + Sync),
     /// How many parts there are.
     pub parts: usize,
@@ -30,16 +31,19 @@ const MIN_COS: f32 = 1e-3;
 /// c_i(wo) = ∫ f(wo, wi) cos θ_i B_i(wi) dwi     [Krivanek05, Eq. 3, whose f includes the cosine]
 /// ```
 ///
-/// at nodes of the parabolic map `(x, y)/(1 + z)` of `wo`, interpolated between them, and the energy `∫ (f cos θ_i)² dwi` that the bands from each order on hold: with order n,
-/// `1 - Σ_{l<n} c_lm² / ∫ (f cos θ_i)² dwi` of the energy is lost [Ramamoorthi02].
+/// at nodes of the parabolic map `(x, y)/(1 + z)` of `wo`, interpolated between them, and the
+/// energy `∫ (f cos θ_i)² dwi` that the bands from each order on hold: with order n, `1 - Σ_{l<n}
+/// c_lm² / ∫ (f cos θ_i)² dwi` of the energy is lost [Ramamoorthi02].
 ///
-/// An isotropic lobe is tabulated at azimuth 0, where the coefficients of negative m vanish, and turned about the normal afterwards.
+/// An isotropic lobe is tabulated at azimuth 0, where the coefficients of negative m vanish, and
+/// turned about the normal afterwards.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LobeTable {
     pub(super) order: usize,
     pub(super) parts: usize,
     pub(super) isotropic: bool,
-    /// For each node and each order from 0, which loses everything, to the highest the lost energy, as a quadratic form of the factors of the parts.
+    /// For each node and each order from 0, which loses everything, to the highest the lost
+    /// energy, as a quadratic form of the factors of the parts.
     pub(super) lost: Vec<f32>,
     /// For each node and each part the coefficients.
     pub(super) coefficients: Vec<f32>,
@@ -53,21 +57,31 @@ impl LobeTable {
     pub fn build(lobe: &Lobe, basis: &dyn Basis) -> Self {
         let quadrature = Quadrature::new(basis, lobe.isotropic);
         let directions: Vec<Option<Vec3>> = if lobe.isotropic {
-            (0..NODES).map(|i| Some(from_map(Vec2::new(i as f32 / (NODES - 1) as f32, 0.0)))).collect()
+            (0..NODES)
+                .map(|i| Some(from_map(Vec2::new(i as f32 / (NODES - 1) as f32, 0.0))))
+                .collect()
         } else {
             let place = |i: usize| 2.0 * i as f32 / (SIDE - 1) as f32 - 1.0;
             let diagonal = 2.0 * std::f32::consts::SQRT_2 / (SIDE - 1) as f32;
             // Nodes outside the disc stand for its rim, if their cell touches it.
             let node = |k: usize| Vec2::new(place(k % SIDE), place(k / SIDE));
             (0..SIDE * SIDE)
-                .map(|k| (node(k).length() < 1.0 + diagonal).then(|| from_map(node(k).clamp_length_max(1.0))))
+                .map(|k| {
+                    (node(k).length() < 1.0 + diagonal)
+                        .then(|| from_map(node(k).clamp_length_max(1.0)))
+                })
                 .collect()
         };
         let stride = Self::stride(basis.order(), lobe.isotropic, lobe.parts);
         let levels = Self::levels(basis.order(), lobe.parts);
         let rows: Vec<(Vec<f32>, Vec<f32>)> = directions
             .into_par_iter()
-            .map(|wo| wo.map_or_else(|| (vec![0.0; levels], vec![0.0; stride]), |wo| quadrature.project(lobe, basis, wo)))
+            .map(|wo| {
+                wo.map_or_else(
+                    || (vec![0.0; levels], vec![0.0; stride]),
+                    |wo| quadrature.project(lobe, basis, wo),
+                )
+            })
             .collect();
         let (lost, coefficients): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
         Self {
@@ -103,20 +117,32 @@ impl LobeTable {
         }
         let ((i, s), (j, t)) = (cell(0.5 * (p.x + 1.0), SIDE), cell(0.5 * (p.y + 1.0), SIDE));
         let k = j * SIDE + i;
-        [(k, (1.0 - s) * (1.0 - t)), (k + 1, s * (1.0 - t)), (k + SIDE, (1.0 - s) * t), (k + SIDE + 1, s * t)]
+        [
+            (k, (1.0 - s) * (1.0 - t)),
+            (k + 1, s * (1.0 - t)),
+            (k + SIDE, (1.0 - s) * t),
+            (k + SIDE + 1, s * t),
+        ]
     }
 
-    /// The lowest order that loses no more than the share `loss` of the energy for `wo` in any channel, each part times its tint; `None` if the highest loses more: the lobe is of *high frequency* there.
+    /// The lowest order that loses no more than the share `loss` of the energy for `wo` in any
+    /// channel, each part times its tint; `None` if the highest loses more: the lobe is of *high
+    /// frequency* there.
     ///
     /// A share e² is a relative RMS error of e.
     pub fn needed_order(&self, wo: Vec3, tints: &[Color; 3], loss: f32) -> Option<usize> {
         let near = self.nodes(wo).into_iter().filter(|n| n.1 > 0.0);
-        near.map(|(node, _)| self.order_at(node, tints, loss)).try_fold(1, |most, order| Some(most.max(order?)))
+        near.map(|(node, _)| self.order_at(node, tints, loss))
+            .try_fold(1, |most, order| Some(most.max(order?)))
     }
 
-    /// The highest order that any direction needs, of those that are of no high frequency; 0 if there is none.
+    /// The highest order that any direction needs, of those that are of no high frequency; 0 if
+    /// there is none.
     pub fn largest_order(&self, tints: &[Color; 3], loss: f32) -> usize {
-        (0..Self::node_count(self.isotropic)).filter_map(|node| self.order_at(node, tints, loss)).max().unwrap_or(0)
+        (0..Self::node_count(self.isotropic))
+            .filter_map(|node| self.order_at(node, tints, loss))
+            .max()
+            .unwrap_or(0)
     }
 
     fn order_at(&self, node: usize, tints: &[Color; 3], loss: f32) -> Option<usize> {
@@ -127,7 +153,9 @@ impl LobeTable {
             let mut form = lost[order * size..].iter();
             for p in 0..self.parts {
                 for q in 0..=p {
-                    sum += tints[p][channel] * tints[q][channel] * form.next().expect("a number for each pair");
+                    sum += tints[p][channel]
+                        * tints[q][channel]
+                        * form.next().expect("a number for each pair");
                 }
             }
             sum
@@ -138,22 +166,27 @@ impl LobeTable {
         })
     }
 
-    /// Adds the coefficients for `wo` of bands below `order`, each part times its tint, to `out`, three runs of as many numbers as the basis has functions.
+    /// Adds the coefficients for `wo` of bands below `order`, each part times its tint, to `out`,
+    /// three runs of as many numbers as the basis has functions.
     pub fn add(&self, wo: Vec3, order: usize, tints: &[Color], out: &mut [f32]) {
         let count = self.order * self.order;
         let stride = Self::stride(self.order, self.isotropic, self.parts);
-        // Nodes outside the disc have no weight and no coefficients; isotropic lobes use the first two.
+        // Nodes outside the disc have no weight and no coefficients; isotropic lobes use the first
+        // two.
         let rows = self.nodes(wo).map(|(node, weight)| {
-            let used = if weight > 0.0 { &self.coefficients[node * stride..][..stride] } else { &[] };
+            let used =
+                if weight > 0.0 { &self.coefficients[node * stride..][..stride] } else { &[] };
             (weight, used)
         });
         for (part, tint) in tints.iter().enumerate().take(self.parts) {
             let first = part * stride / self.parts;
             let at = |i: usize| -> f32 {
-                let of = |(weight, row): &(f32, &[f32])| row.get(first + i).map_or(0.0, |c| weight * c);
+                let of =
+                    |(weight, row): &(f32, &[f32])| row.get(first + i).map_or(0.0, |c| weight * c);
                 if self.isotropic { of(&rows[0]) + of(&rows[1]) } else { rows.iter().map(of).sum() }
             };
-            let mut store = |i: usize, value: f32| (0..3).for_each(|c| out[c * count + i] += tint[c] * value);
+            let mut store =
+                |i: usize, value: f32| (0..3).for_each(|c| out[c * count + i] += tint[c] * value);
             if !self.isotropic {
                 (0..order * order).for_each(|i| store(i, at(i)));
                 continue;
@@ -191,7 +224,8 @@ fn cell(t: f32, count: usize) -> (usize, f32) {
 /// Directions over the hemisphere: rows of equal cosine, evenly spaced azimuths.
 struct Quadrature {
     rows: Vec<Row>,
-    /// Sine and cosine of m times each azimuth, m first; half a turn of azimuths for lobes that are even in it.
+    /// Sine and cosine of m times each azimuth, m first; half a turn of azimuths for lobes that
+    /// are even in it.
     turns: Vec<Vec<(f64, f64)>>,
     /// Of a node, in the azimuth.
     width: f64,
@@ -206,12 +240,18 @@ struct Row {
 impl Quadrature {
     fn new(basis: &dyn Basis, half: bool) -> Self {
         // cos θ = t²: √cos θ, which hemispherical harmonics contain, is smooth in t.
-        let nodes: Vec<(f64, f64)> =
-            gauss_legendre(QUADRATURE.0, 0.0, 1.0).into_iter().map(|(t, weight)| (t * t, 2.0 * t * weight)).collect();
+        let nodes: Vec<(f64, f64)> = gauss_legendre(QUADRATURE.0, 0.0, 1.0)
+            .into_iter()
+            .map(|(t, weight)| (t * t, 2.0 * t * weight))
+            .collect();
         let mut rows = Vec::new();
         let mut lanes = Vec::new();
         for chunk in nodes.chunks(LANES) {
-            zonal_factors(basis, &std::array::from_fn(|k| chunk.get(k).map_or(1.0, |n| n.0 as f32)), &mut lanes);
+            zonal_factors(
+                basis,
+                &std::array::from_fn(|k| chunk.get(k).map_or(1.0, |n| n.0 as f32)),
+                &mut lanes,
+            );
             for (k, &(cos, weight)) in chunk.iter().enumerate() {
                 rows.push(Row { cos, weight, zonal: lanes.iter().map(|lane| lane[k]).collect() });
             }
@@ -219,8 +259,14 @@ impl Quadrature {
         let (count, whole) = if half { (QUADRATURE.1, PI) } else { (2 * QUADRATURE.1, TAU) };
         let width = whole / count as f64;
         // m = 1 gives the azimuths themselves, whatever the order.
-        let turn = |m: usize| (0..count).map(|k| (m as f64 * (k as f64 + 0.5) * width).sin_cos()).collect();
-        Self { rows, turns: (0..basis.order().max(2)).map(turn).collect(), width: width * TAU / whole }
+        let turn = |m: usize| {
+            (0..count).map(|k| (m as f64 * (k as f64 + 0.5) * width).sin_cos()).collect()
+        };
+        Self {
+            rows,
+            turns: (0..basis.order().max(2)).map(turn).collect(),
+            width: width * TAU / whole,
+        }
     }
 
     /// What is lost by each order for `wo`, and the coefficients of all parts.
@@ -265,8 +311,10 @@ impl Quadrature {
             lost.extend(energy.iter().map(|e| *e as f32));
         }
         let first = |l: usize| if lobe.isotropic { 0 } else { -(l as i32) };
-        let kept: Vec<[f64; 3]> =
-            (0..order).flat_map(|l| (first(l)..=l as i32).map(move |m| index(l, m))).map(|i| c[i]).collect();
+        let kept: Vec<[f64; 3]> = (0..order)
+            .flat_map(|l| (first(l)..=l as i32).map(move |m| index(l, m)))
+            .map(|i| c[i])
+            .collect();
         let out = (0..lobe.parts).flat_map(|p| kept.iter().map(move |c| c[p] as f32)).collect();
         (lost, out)
     }

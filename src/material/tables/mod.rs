@@ -1,4 +1,5 @@
-//! Glossy lobes in harmonics, tabulated over the outgoing direction: what a record of incident radiance is multiplied with.
+//! Glossy lobes in harmonics, tabulated over the outgoing direction: what a record of incident
+//! radiance is multiplied with.
 
 mod disk;
 mod lobe;
@@ -55,8 +56,10 @@ const MIN_ALPHA: f32 = 0.05;
 const ROUGHNESS_STEP: f32 = 0.04;
 /// More roughnesses than this are taken from the grid as well.
 const MOST_ROUGHNESSES: usize = 24;
-/// Reflectances F0 and F90 of a metal and of a dielectric, for which records on GGX surfaces must be good enough.
-const GGX_TINTS: [[Color; 3]; 2] = [[Color::ONE, Color::ONE, Color::ZERO], [Color::splat(0.04), Color::ONE, Color::ZERO]];
+/// Reflectances F0 and F90 of a metal and of a dielectric, for which records on GGX surfaces must
+/// be good enough.
+const GGX_TINTS: [[Color; 3]; 2] =
+    [[Color::ONE, Color::ONE, Color::ZERO], [Color::splat(0.04), Color::ONE, Color::ZERO]];
 
 /// Tints of three parts that are the channels.
 const CHANNELS: [Color; 3] = [Color::X, Color::Y, Color::Z];
@@ -72,7 +75,8 @@ pub struct GlossyTables {
     settings: TableSettings,
     /// For each material that is one of the papers' BRDFs, its table.
     native: Vec<Option<Entry>>,
-    /// The GGX lobe at ascending α. Its two parts are what the reflectances at normal and at grazing incidence are multiplied with.
+    /// The GGX lobe at ascending α. Its two parts are what the reflectances at normal and at
+    /// grazing incidence are multiplied with.
     ggx: Vec<(f32, Entry)>,
     basis: Box<dyn Basis>,
     /// The cosine over the hemisphere in the basis.
@@ -91,7 +95,10 @@ impl GlossyTables {
     /// Tables for `materials`: read from `store`, or made in parallel.
     pub fn new(materials: &[Material], settings: TableSettings, store: &TableStore) -> Self {
         let basis = settings.basis.basis(settings.order);
-        let native = materials.par_iter().map(|m| native_table(m.native?, &settings, basis.as_ref(), store)).collect();
+        let native = materials
+            .par_iter()
+            .map(|m| native_table(m.native?, &settings, basis.as_ref(), store))
+            .collect();
         let ggx = roughnesses(materials)
             .into_par_iter()
             .map(|alpha| {
@@ -102,7 +109,9 @@ impl GlossyTables {
                     [lobe * (1.0 - grazing), lobe * grazing, 0.0]
                 };
                 let lobe = Lobe { f: &f, parts: 2, isotropic: true };
-                let table = store.get(&format!("ggx {alpha:?} {}", settings.key()), || LobeTable::build(&lobe, basis.as_ref()));
+                let table = store.get(&format!("ggx {alpha:?} {}", settings.key()), || {
+                    LobeTable::build(&lobe, basis.as_ref())
+                });
                 (alpha, Entry::new(table, &GGX_TINTS, settings.loss))
             })
             .collect();
@@ -120,7 +129,9 @@ impl GlossyTables {
         self.settings.order * self.settings.order
     }
 
-    /// The order of a record that serves the glossy lobes of `bsdf` at `at`: what they need for `at.wo`, or with `padding` off for any direction. `None` where there are no such lobes, where they are of high frequency for `at.wo`, or where light passes through the surface.
+    /// The order of a record that serves the glossy lobes of `bsdf` at `at`: what they need for
+    /// `at.wo`, or with `padding` off for any direction. `None` where there are no such lobes,
+    /// where they are of high frequency for `at.wo`, or where light passes through the surface.
     pub fn record_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<u8> {
         let wo = at.frame.to_local(at.wo);
         let terms = self.terms(at.material, bsdf, wo)?;
@@ -129,14 +140,23 @@ impl GlossyTables {
         Some(if self.settings.padding { order } else { largest } as u8)
     }
 
-    /// The order that the glossy lobes of `bsdf` at `at` need for `at.wo`; `None` as in [`GlossyTables::record_order`].
+    /// The order that the glossy lobes of `bsdf` at `at` need for `at.wo`; `None` as in
+    /// [`GlossyTables::record_order`].
     pub fn lobe_order(&self, at: &SurfacePoint, bsdf: &Bsdf) -> Option<usize> {
         let wo = at.frame.to_local(at.wo);
         self.order_of(&self.terms(at.material, bsdf, wo)?, wo)
     }
 
-    /// Writes the coefficients of the glossy lobes of `bsdf` times the cosine for `wo` to `out`, three runs of as many numbers as the basis has functions, and returns the number of bands that were written; `None` as in [`GlossyTables::record_order`].
-    pub fn project(&self, material: u32, bsdf: &Bsdf, wo: Vec3, out: &mut Vec<f32>) -> Option<usize> {
+    /// Writes the coefficients of the glossy lobes of `bsdf` times the cosine for `wo` to `out`,
+    /// three runs of as many numbers as the basis has functions, and returns the number of bands
+    /// that were written; `None` as in [`GlossyTables::record_order`].
+    pub fn project(
+        &self,
+        material: u32,
+        bsdf: &Bsdf,
+        wo: Vec3,
+        out: &mut Vec<f32>,
+    ) -> Option<usize> {
         let terms = self.terms(material, bsdf, wo)?;
         let needed = self.order_of(&terms, wo)?;
         let order = if self.settings.whole { self.settings.order } else { needed };
@@ -154,7 +174,12 @@ impl GlossyTables {
             return terms.iter().any(Option::is_some).then_some(self.settings.order);
         }
         let order = |t: &Term| t.entry.table.needed_order(wo, &t.tints, self.settings.loss);
-        terms.iter().flatten().map(order).try_fold(0, |most, order| Some(most.max(order?))).filter(|&n| n > 0)
+        terms
+            .iter()
+            .flatten()
+            .map(order)
+            .try_fold(0, |most, order| Some(most.max(order?)))
+            .filter(|&n| n > 0)
     }
 
     /// The tables whose sum the glossy lobes are.
@@ -166,7 +191,9 @@ impl GlossyTables {
         if let Some(brdf) = bsdf.native_brdf() {
             let entry = self.native.get(material as usize)?.as_ref()?;
             let tints = match brdf {
-                NativeBrdf::Phong { ks, .. } | NativeBrdf::WardDuer { ks, .. } => [*ks, Color::ZERO, Color::ZERO],
+                NativeBrdf::Phong { ks, .. } | NativeBrdf::WardDuer { ks, .. } => {
+                    [*ks, Color::ZERO, Color::ZERO]
+                }
                 NativeBrdf::Lafortune { .. } => CHANNELS,
             };
             terms[0] = Some(Term { entry, tints });
@@ -192,26 +219,38 @@ impl GlossyTables {
     }
 }
 
-/// The table of one of the papers' BRDFs without its diffuse part and, where it is only a factor, without its specular albedo.
-fn native_table(brdf: NativeBrdf, settings: &TableSettings, basis: &dyn Basis, store: &TableStore) -> Option<Entry> {
+/// The table of one of the papers' BRDFs without its diffuse part and, where it is only a factor,
+/// without its specular albedo.
+fn native_table(
+    brdf: NativeBrdf,
+    settings: &TableSettings,
+    basis: &dyn Basis,
+    store: &TableStore,
+) -> Option<Entry> {
     let brdf = brdf.sanitized();
     if !brdf.has_glossy() || brdf.sharpest() < MIN_ALPHA {
         return None;
     }
     let (brdf, parts) = match brdf {
-        NativeBrdf::Phong { exponent, .. } => (NativeBrdf::Phong { kd: Color::ZERO, ks: Color::ONE, exponent }, 1),
+        NativeBrdf::Phong { exponent, .. } => {
+            (NativeBrdf::Phong { kd: Color::ZERO, ks: Color::ONE, exponent }, 1)
+        }
         NativeBrdf::WardDuer { alpha_x, alpha_y, .. } => {
             (NativeBrdf::WardDuer { kd: Color::ZERO, ks: Color::ONE, alpha_x, alpha_y }, 1)
         }
-        NativeBrdf::Lafortune { lobes, count, .. } => (NativeBrdf::Lafortune { kd: Color::ZERO, lobes, count }, 3),
+        NativeBrdf::Lafortune { lobes, count, .. } => {
+            (NativeBrdf::Lafortune { kd: Color::ZERO, lobes, count }, 3)
+        }
     };
     let f = |wo: Vec3, wi: Vec3| brdf.f_pdf(wo, wi, false).0.to_array();
     let lobe = Lobe { f: &f, parts, isotropic: !brdf.is_anisotropic() };
-    let table = store.get(&format!("{brdf:?} {}", settings.key()), || LobeTable::build(&lobe, basis));
+    let table =
+        store.get(&format!("{brdf:?} {}", settings.key()), || LobeTable::build(&lobe, basis));
     Some(Entry::new(table, &[CHANNELS], settings.loss))
 }
 
-/// The roughnesses α at which the GGX lobe is needed, ascending: those that materials have, and a grid where textures vary them or where they are too many.
+/// The roughnesses α at which the GGX lobe is needed, ascending: those that materials have, and a
+/// grid where textures vary them or where they are too many.
 fn roughnesses(materials: &[Material]) -> Vec<f32> {
     let mut exact = Vec::new();
     let mut grid_to = 0f32;
@@ -241,7 +280,9 @@ fn roughnesses(materials: &[Material]) -> Vec<f32> {
     let first = MIN_ALPHA.sqrt();
     if grid_to > first {
         let steps = ((grid_to - first) / ROUGHNESS_STEP).ceil() as usize;
-        exact.extend((0..=steps).map(|k| (first + (grid_to - first) * k as f32 / steps as f32).powi(2)));
+        exact.extend(
+            (0..=steps).map(|k| (first + (grid_to - first) * k as f32 / steps as f32).powi(2)),
+        );
         exact.sort_by(f32::total_cmp);
         exact.dedup();
     }
