@@ -1,12 +1,12 @@
 //! Pixels while they are rendered: sums of samples, and the layers they become.
 
-use crate::integrator::{Shaded, Splat, Status};
 use crate::math::{Color, Vec3, luminance};
+use crate::transport::{Shaded, Splat, Status};
 
 /// Sums over the samples of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pixel {
-    /// The five parts of the radiance, in the order of [`crate::integrator::Radiance::parts`].
+    /// The five parts of the radiance, in the order of [`crate::transport::Radiance::parts`].
     parts: [Color; 5],
     albedo: Color,
     normal: Vec3,

@@ -30,7 +30,7 @@ pub mod camera;
 pub mod scene;
 pub mod gather;
 pub mod cache;
-pub mod integrator;
+pub mod transport;
 pub mod film;
 pub mod import;
 pub mod render;

@@ -10,12 +10,12 @@ use lumicache::gather::{
     Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::integrator::{CameraSample, PathTracer, SceneProbe};
 use lumicache::math::{Color, Frame, Vec3, luminance};
 use lumicache::progress::Progress;
 use lumicache::render::Frame as Picture;
 use lumicache::sampling::{Rng, hash};
 use lumicache::scene::Scene;
+use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use std::sync::atomic::{AtomicU64, Ordering};

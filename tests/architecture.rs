@@ -27,7 +27,7 @@ const ORDER: &[&str] = &[
     "scene",
     "gather",
     "cache",
-    "integrator",
+    "transport",
     "film",
     "import",
     "render",
@@ -39,8 +39,8 @@ const ORDER: &[&str] = &[
 
 /// What the order would allow and the design does not: the cache knows no scene.
 const DENIED: &[(&str, &[&str])] = &[
-    ("gather", &["scene", "integrator", "film", "render"]),
-    ("cache", &["scene", "integrator", "film", "render"]),
+    ("gather", &["scene", "transport", "film", "render"]),
+    ("cache", &["scene", "transport", "film", "render"]),
 ];
 
 /// These see the cache as its users do: what `cache` itself exports, not its submodules.

@@ -13,11 +13,11 @@ use lumicache::gather::{
     NoDeeper, RadianceProbe,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::light::EnvironmentMap;
 use lumicache::math::{Color, Vec2, Vec3, luminance};
 use lumicache::render::IntegratorKind;
 use lumicache::scene::SceneData;
+use lumicache::transport::{PathTracer, SceneProbe};
 use std::collections::BTreeMap;
 use std::path::Path;
 

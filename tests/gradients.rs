@@ -15,10 +15,10 @@ use lumicache::gather::{
     Density, Gradient, HemisphereSamples, Layout, NoDeeper, TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::math::{Vec2, luminance};
 use lumicache::progress::Progress;
 use lumicache::scene::Scene;
+use lumicache::transport::{PathTracer, SceneProbe};
 use rayon::prelude::*;
 use std::path::Path;
 

@@ -13,9 +13,9 @@ use lumicache::gather::{
     TriangleRadiance,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::math::{Color, Frame, Vec2, Vec3};
 use lumicache::scene::Scene;
+use lumicache::transport::{PathTracer, SceneProbe};
 use std::time::{Duration, Instant};
 
 /// The lamp's plane goes on around the lamp, black: without it the lamp would have silhouettes of

@@ -7,12 +7,12 @@
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, LevelPoints, Preset, Scheme};
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
-use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Vec3};
 use lumicache::progress::Progress;
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
+use lumicache::transport::{PathTracer, SceneProbe};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;

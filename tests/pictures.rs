@@ -8,11 +8,11 @@ use lumicache::film::LAYERS;
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::import;
-use lumicache::integrator::{CameraSample, PathTracer, SceneProbe};
 use lumicache::progress::Progress;
 use lumicache::render::{Clock, Frame, IntegratorKind, Settings, frame};
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
+use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
 use std::path::Path;
 
 /// The back ends that are compiled in.

@@ -13,10 +13,10 @@ use lumicache::gather::{
     TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::integrator::{PathTracer, SceneProbe};
 use lumicache::math::{Color, Vec2, luminance};
 use lumicache::progress::Progress;
 use lumicache::scene::Scene;
+use lumicache::transport::{PathTracer, SceneProbe};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;

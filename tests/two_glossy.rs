@@ -12,13 +12,13 @@ use lumicache::gather::{
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::Layers;
-use lumicache::integrator::{self, PathTracer, SceneProbe};
 use lumicache::material::tables::{GlossyTables, TableSettings, TableStore};
 use lumicache::material::{Material, NativeBrdf};
 use lumicache::math::{Color, Vec3};
 use lumicache::progress::Progress;
 use lumicache::render::{Gloss, IntegratorKind, Settings};
 use lumicache::scene::Scene;
+use lumicache::transport::{self, PathTracer, SceneProbe};
 
 /// The two planes with the wall made of `wall`, and a point of the floor.
 fn planes(wall: Option<Material>) -> Scene {
@@ -200,7 +200,7 @@ fn records_at_the_hits_tell_how_the_light_they_know_changes() {
         gloss.levels[1].records().len()
     );
     // What the light sends to a hit straight away does not matter here: it would hide the rest.
-    let behind = integrator::Gloss { records: &gloss.levels[1..], ..gloss.shading(&scheme) };
+    let behind = transport::Gloss { records: &gloss.levels[1..], ..gloss.shading(&scheme) };
     let [direct, whole] = [None, Some(behind)].map(|known| {
         let tracer = if known.is_none() { PathTracer { max_bounces: 1, ..tracer } } else { tracer };
         SceneProbe::new(tracer).with_tables(Some(&gloss.tables)).with_gloss(known)

@@ -6,10 +6,10 @@ use lumicache::cache::{
     Extrapolation, FootprintKind, HitStorage, RadianceMetric, Record, Scheme, Storage,
 };
 use lumicache::gather::HitChange;
-use lumicache::integrator::{PathTracer, SceneReflector};
 use lumicache::math::{Color, Vec3};
 use lumicache::render::Frame;
 use lumicache::scene::Scene;
+use lumicache::transport::{PathTracer, SceneReflector};
 use std::sync::Arc;
 
 /// What makes another scheme of one.

@@ -15,9 +15,9 @@ use super::types::{
 };
 use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
 use crate::gather::RadianceProbe;
-use crate::integrator::{PathTracer, SceneProbe};
 use crate::progress::Progress;
 use crate::render::Gloss;
+use crate::transport::{PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;

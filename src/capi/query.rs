@@ -11,10 +11,10 @@ use super::types::{
 use super::views::{Input, Output};
 use crate::cache::{Answer, LevelPoints, Snapshot};
 use crate::geometry::SurfacePoint;
-use crate::integrator::{Known, PathTracer};
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::hash;
+use crate::transport::{Known, PathTracer};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Instant;

@@ -7,13 +7,13 @@ use crate::cache::{
 };
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
-use crate::integrator::{self, PathTracer, SceneProbe, SceneReflector, Service, View};
 use crate::material::Bsdf;
 use crate::material::tables::{GlossyTables, TableSettings, TableStore};
 use crate::math::Vec3;
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
+use crate::transport::{self, PathTracer, SceneProbe, SceneReflector, Service, View};
 use std::sync::Arc;
 
 /// What serves the glossy lobes of low frequency. Copies share what does not change.
@@ -74,8 +74,8 @@ impl Gloss {
     }
 
     /// What the integrator shades by.
-    pub fn shading(&self, scheme: &Scheme) -> integrator::Gloss<'_> {
-        integrator::Gloss { service: self.service(scheme), records: &self.levels }
+    pub fn shading(&self, scheme: &Scheme) -> transport::Gloss<'_> {
+        transport::Gloss { service: self.service(scheme), records: &self.levels }
     }
 
     /// Number of records on all levels.
@@ -231,7 +231,7 @@ impl Caches {
         let gloss = self.gloss.clone();
         let behind = gloss.as_ref().map(|g| {
             let first = g.levels.len().min(usize::from(level) + 1);
-            integrator::Gloss { records: &g.levels[first..], ..g.shading(&scheme) }
+            transport::Gloss { records: &g.levels[first..], ..g.shading(&scheme) }
         });
         let probe = SceneProbe::new(job.tracer).with_gloss(behind);
         let points = LevelPoints {
@@ -270,7 +270,7 @@ impl Caches {
         let service = Service::new(tables, served, scheme);
         let probe = SceneProbe::new(job.tracer)
             .with_tables(Some(&**tables))
-            .with_gloss(Some(integrator::Gloss { service, records: behind }));
+            .with_gloss(Some(transport::Gloss { service, records: behind }));
         let reflector = SceneReflector { tracer: job.tracer, tables };
         let orders = chosen.iter().map(|&i| spots[i as usize].order).collect();
         let points = LevelPoints {

@@ -8,12 +8,12 @@ use super::visible::fill_for_camera;
 use crate::cache::{Cache, FillStats, Order, RadianceCache};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
-use crate::integrator::{
-    Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat,
-};
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
 use crate::scene::Scene;
+use crate::transport::{
+    Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat,
+};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 

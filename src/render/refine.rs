@@ -49,8 +49,8 @@ pub fn samples_wanted(film: &Film, spp: u32, target: f32) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrator::Shaded;
     use crate::math::Color;
+    use crate::transport::Shaded;
 
     /// A film whose left half is steady and whose right half flickers.
     fn film(low: f32, high: f32) -> Film {

@@ -6,9 +6,9 @@ use super::settings::Settings;
 use crate::cache::Order;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::integrator::{PathTracer, Service, View, pixel_footprint};
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::transport::{PathTracer, Service, View, pixel_footprint};
 use rayon::prelude::*;
 use std::sync::Arc;
 

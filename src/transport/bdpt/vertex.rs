@@ -1,10 +1,10 @@
 //! The vertices of both walks, and scattering there in either direction.
 
 use crate::geometry::SurfacePoint;
-use crate::integrator::path::{Reflected, Vertex as Site};
 use crate::material::Bsdf;
 use crate::math::{Color, Frame, INV_PI, Vec3};
 use crate::scene::Scene;
+use crate::transport::path::{Reflected, Vertex as Site};
 
 /// Below this cosine with the viewer a shading normal may have been bent towards it.
 const BENT_COS: f32 = 5e-3;

@@ -3,11 +3,11 @@
 use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::geometry::offset_origin;
-use crate::integrator::path::{MAX_SURVIVAL, PathTracer, ROULETTE_AFTER, Sampled};
 use crate::light::{Emission, EmissionSampler, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec3};
 use crate::sampling::{Sampler, hash};
+use crate::transport::path::{MAX_SURVIVAL, PathTracer, ROULETTE_AFTER, Sampled};
 
 /// Who follows a walk.
 pub(super) trait Follower {

@@ -4,12 +4,12 @@ use super::Bidirectional;
 use super::light_walk::{Follower, walk_from_light};
 use super::vertex::Vertex;
 use super::weight::LightDensity;
-use crate::integrator::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
-use crate::integrator::{CameraSample, Shaded, Surface};
 use crate::light::{Emission, LightEnd, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::hash;
+use crate::transport::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
+use crate::transport::{CameraSample, Shaded, Surface};
 
 /// Tells the light path's numbers from the camera path's.
 const LIGHT_STREAM: u64 = 0x006c_6967_6874;

@@ -7,11 +7,11 @@ use super::{Bidirectional, Workspace};
 use crate::accel::Backend;
 use crate::camera::{Camera, Projection};
 use crate::geometry::{Geometry, Instance, TriangleMesh};
-use crate::integrator::{CameraSample, PathTracer, Shaded};
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::Material;
 use crate::math::{Affine3A, Color, Vec3};
 use crate::scene::{Scene, SceneData};
+use crate::transport::{CameraSample, PathTracer, Shaded};
 use std::sync::Arc;
 
 /// A room without a front, with a diffuse floor, a glossy wall, a mirror, a lamp that shines both

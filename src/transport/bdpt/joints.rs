@@ -6,11 +6,11 @@ use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::gather::{Bundle, Joint};
 use crate::geometry::SurfacePoint;
-use crate::integrator::path::{LONGEST_PATH, PathTracer};
 use crate::light::EmissionSampler;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
 use crate::sampling::hash;
+use crate::transport::path::{LONGEST_PATH, PathTracer};
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;
@@ -26,7 +26,7 @@ const GRAZING: f32 = 1e-3;
 /// each so much of the scene's surface. They sum to one whatever lies behind y, so that rays may
 /// end in caches there. They take away, too, what makes joints of near points bright. Only surfaces
 /// without gloss take part: light paths cannot be joined to mirrors.
-pub(in crate::integrator) struct LightPaths<'a> {
+pub(in crate::transport) struct LightPaths<'a> {
     tracer: PathTracer<'a>,
     emission: EmissionSampler<'a>,
     /// Area of the scene's surface, estimated.

@@ -5,11 +5,11 @@ use super::walk::hit_density;
 use super::weight::{Density, LightDensity, weight};
 use super::{Bidirectional, Splat, Workspace};
 use crate::accel::Ray;
-use crate::integrator::path::Reflected;
-use crate::integrator::{CameraSample, Radiance};
 use crate::light::{LightEnd, LightSample, LightSource, TriangleLight};
 use crate::math::{Color, Vec3};
 use crate::sampling::hash;
+use crate::transport::path::Reflected;
+use crate::transport::{CameraSample, Radiance};
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;
