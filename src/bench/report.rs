@@ -6,20 +6,19 @@
 //! shading point, with many more rays.
 
 use super::page;
-use crate::cache::{Appearance, Cache, Contents, LevelPoints, Order, Preset, Refinement, Scheme};
+use crate::cache::{Cache, Contents, FillPlan, Order, Preset, Scheme, ShadingPoint};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::gather::{Density, HemisphereSamples, Layout, NoDeeper};
-use crate::geometry::SurfacePoint;
 use crate::imagefile::exr::{self, Attribute, Channel, Layers, SampleKind};
 use crate::imagefile::ldr;
 use crate::math::{Color, luminance};
 use crate::progress::{Phase, Progress};
-use crate::render::{Caches, Gloss, Job, Settings, Spot, camera_sample, pixel_order};
+use crate::render::{Caches, Settings, camera_sample, pixel_order};
 use crate::sampling::hash;
 use crate::scene::Scene;
-use crate::transport::{PathTracer, SceneProbe};
+use crate::transport::{CachedLobes, GlossyLobes, PathTracer, SceneProbe, SceneWorld, View};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -123,7 +122,7 @@ struct Experiment<'a> {
     tracer: PathTracer<'a>,
     settings: &'a Settings,
     /// Shading point of each pixel.
-    seen: Vec<Option<(SurfacePoint, Appearance)>>,
+    seen: Vec<Option<View>>,
     progress: &'a Progress,
 }
 
@@ -173,7 +172,7 @@ pub fn run(
         .map(|&p| camera_sample(settings, p, 0, u32::MAX))
         .map(|s| (s.camera, s.seed))
         .collect();
-    let experiment = Experiment { tracer, settings, seen: tracer.appearances(&rays), progress };
+    let experiment = Experiment { tracer, settings, seen: tracer.views(&rays, None), progress };
     let points = experiment.seen.iter().flatten().count();
     let reference = match &plan.reference {
         Some(path) => exr::read(path)?,
@@ -278,7 +277,7 @@ pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
 
 impl Attempt {
     fn records(&self) -> usize {
-        self.cache.level(0).map_or(0, |l| l.records().len())
+        self.cache.records(0).len()
     }
 }
 
@@ -287,20 +286,18 @@ impl Experiment<'_> {
     fn reference(&self, rays: u32) -> Result<Layers> {
         let half = |number: u64| {
             self.progress.start(Phase::Fill, self.seen.len() as u64);
-            let gather =
-                |samples: &mut HemisphereSamples,
-                 (p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
-                    self.progress.advance(1);
-                    let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
-                    samples.gather(
-                        &SceneProbe::new(self.tracer),
-                        at,
-                        0,
-                        &NoDeeper,
-                        hash(&[self.settings.seed, 3, number, p as u64]),
-                    );
-                    Some(samples.irradiance())
-                };
+            let gather = |samples: &mut HemisphereSamples, (p, seen): (usize, &Option<View>)| {
+                self.progress.advance(1);
+                let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
+                samples.gather(
+                    &SceneProbe::new(self.tracer),
+                    at,
+                    0,
+                    &NoDeeper,
+                    hash(&[self.settings.seed, 3, number, p as u64]),
+                );
+                Some(samples.irradiance())
+            };
             let samples =
                 || HemisphereSamples::new(Layout::polar((rays / 2).max(16)), Density::Cosine);
             self.seen
@@ -357,77 +354,52 @@ impl Experiment<'_> {
             .ok_or_else(|| Error::InvalidArgument("nothing was tried".into()))
     }
 
+    /// A cache by `scale` times the errors of `base`. Where the scheme has radiance records on all
+    /// surfaces, their irradiance is what is compared.
     fn attempt(&self, base: &Scheme, scale: f32) -> Result<Attempt> {
         let mut scheme = base.clone();
         scheme.scale_error(scale);
-        let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
-        let round =
-            if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
-        let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..self.settings.clone() });
+        let (tracer, settings) = (self.tracer, self.settings);
+        let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..settings.clone() });
         pixels.retain(|&p| self.seen[p as usize].is_some());
-        let (points, appearance): (Vec<_>, Vec<_>) =
-            pixels.iter().filter_map(|&p| self.seen[p as usize]).unzip();
-        let points = LevelPoints { points, round };
-        self.progress.start(Phase::Fill, points.points.len() as u64);
         let start = Instant::now();
-        let probe = SceneProbe::new(self.tracer);
-        let mut cache = Cache::new(scheme, self.settings.max_bounces, self.tracer.scene.size());
-        if cache.scheme().radiance_diffuse {
-            return self.attempt_whole(cache, &points, start);
-        }
-        let mut stats = cache.fill(&probe, 0, &points, self.settings.seed, self.progress)?;
-        if refined {
-            stats.add(&cache.converge(
-                &probe,
-                0,
-                &points.points,
-                &appearance,
-                self.settings.seed,
-                self.progress,
-            )?);
-        }
+        let scene = tracer.scene;
+        let lobes = if scheme.radiance_diffuse {
+            GlossyLobes::new(scene, &scheme, settings.max_bounces).map(Arc::new)
+        } else {
+            None
+        };
+        let cache = Cache::new(scheme.clone(), settings.max_bounces, scene.size());
+        let mut caches = Caches::with(cache, lobes.clone());
+        let points: Vec<ShadingPoint> = pixels
+            .iter()
+            .filter_map(|&p| self.seen[p as usize].map(|(point, ..)| (p, point)))
+            .map(|(p, point)| caches.cache.shading_point(0, p, point, 0))
+            .collect();
+        let look = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
+            points.iter().map(|p| self.seen[p.number as usize]).collect()
+        };
+        let towards = |p| settings.camera.towards(p);
+        let world = SceneWorld::new(tracer, lobes.as_deref(), &scheme)
+            .with_look(&look)
+            .with_viewer(&towards);
+        let scanline = scheme.order == Order::Scanline;
+        let round = if scanline { settings.size[0] as usize } else { 0 };
+        let plan = FillPlan { deeper_points: 0, round, seed: settings.seed };
+        let births = caches.fill(&world, &points, &plan, self.progress)?;
         let mut limits = vec![u32::MAX; self.seen.len()];
-        if one_pass {
-            pixels.iter().zip(&stats.births).for_each(|(&p, &birth)| limits[p as usize] = birth);
+        if scheme.passes == 1 {
+            points.iter().zip(births).for_each(|(p, birth)| limits[p.number as usize] = birth);
         }
-        Ok(Attempt { cache, limits, passes: stats.passes, seconds: start.elapsed().as_secs_f64() })
-    }
-
-    /// The same where radiance records serve all surfaces: their irradiance is what is compared.
-    fn attempt_whole(&self, cache: Cache, points: &LevelPoints, start: Instant) -> Result<Attempt> {
-        let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
-        let order = cache.scheme().radiance_order;
-        let mut caches = Caches::of(cache, gloss.map(Arc::new));
-        let spot = |(number, point): (u32, &SurfacePoint)| Spot {
-            number,
-            point: *point,
-            irradiance: false,
-            order,
-        };
-        let spots: Vec<Spot> = (0..).zip(&points.points).map(spot).collect();
-        let job = Job {
-            tracer: self.tracer,
-            deeper_points: 0,
-            round: points.round,
-            seed: self.settings.seed,
-            // Such schemes do not refine.
-            look: &|spots, _| vec![None; spots.len()],
-            towards: Some(&|p| self.settings.camera.towards(p)),
-        };
-        caches.fill(&job, &spots, self.progress)?;
-        let limits = vec![u32::MAX; self.seen.len()];
-        Ok(Attempt {
-            cache: caches.cache,
-            limits,
-            passes: 0,
-            seconds: start.elapsed().as_secs_f64(),
-        })
+        let passes = caches.report.irradiance.iter().map(|f| f.passes).sum();
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Attempt { cache: caches.cache, limits, passes, seconds })
     }
 
     /// Irradiance at each pixel by the records, and the number of points that have none.
     fn irradiance(&self, attempt: &Attempt, rays: u32) -> (Vec<Color>, usize) {
-        let look = |(p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
-            let Some((at, _)) = seen else { return (Color::ZERO, 0) };
+        let look = |(p, seen): (usize, &Option<View>)| {
+            let Some((at, ..)) = seen else { return (Color::ZERO, 0) };
             if let Some(answer) = attempt.cache.lookup(0, at, attempt.limits[p]) {
                 return (answer.irradiance, 0);
             }

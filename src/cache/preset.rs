@@ -1,8 +1,8 @@
 //! The published schemes as rows of a table.
 
-use super::axes::MAX_TILT;
-use super::radiance_payload::{HitStorage, Storage};
-use super::radiance_placement::{RadianceMetric, RadiancePlacement};
+use super::payload::MAX_TILT;
+use super::payload::{HitStorage, Storage};
+use super::payload::{RadianceMetric, RadiancePlacement};
 use super::scheme::{
     Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands,
     RadianceFrame, Refinement, Scheme, Strata, Weight,

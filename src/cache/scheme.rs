@@ -1,7 +1,7 @@
 //! A caching scheme as plain data.
 
-use super::radiance_payload::{HitStorage, Storage};
-use super::radiance_placement::{RadianceMetric, RadiancePlacement};
+use super::payload::{HitStorage, Storage};
+use super::payload::{RadianceMetric, RadiancePlacement};
 use crate::basis::BasisKind;
 use crate::error::{Error, Result};
 use crate::gather::{
@@ -402,7 +402,7 @@ impl Scheme {
     }
 
     /// The scheme by which radiance records are placed.
-    pub(super) fn for_radiance(&self) -> Self {
+    pub fn for_radiance(&self) -> Self {
         let metric = match self.radiance_metric {
             RadianceMetric::Irradiance => self.metric,
             RadianceMetric::First => Metric::Gradient,

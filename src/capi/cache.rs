@@ -13,11 +13,10 @@ use super::types::{
     LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats,
     write,
 };
-use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
+use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme};
 use crate::gather::RadianceProbe;
 use crate::progress::Progress;
-use crate::render::Gloss;
-use crate::transport::{PathTracer, SceneProbe};
+use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;
@@ -64,8 +63,9 @@ pub(super) struct CacheObject {
     pub scene: Arc<SceneObject>,
     settings: Mutex<Settings>,
     pub live: Live,
-    /// What serves glossy lobes, once a build or a picture has made records for it.
-    pub gloss: ArcSwapOption<Gloss>,
+    /// The glossy lobes that radiance records answer for, once a build or a picture has made such
+    /// records.
+    pub lobes: ArcSwapOption<GlossyLobes>,
     /// Held by who changes the cache as a whole.
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
@@ -107,10 +107,10 @@ impl CacheObject {
         Ok(FOOTPRINT * self.size()?)
     }
 
-    /// Puts another cache in the place of this one's records, and what serves glossy lobes with it.
-    pub fn put(&self, cache: Cache, gloss: Option<Arc<Gloss>>) {
+    /// Puts another cache in the place of this one's records, with the lobes that it answers for.
+    pub fn put(&self, cache: Cache, lobes: Option<Arc<GlossyLobes>>) {
         self.live.replace(cache);
-        self.gloss.store(gloss);
+        self.lobes.store(lobes);
     }
 
     fn origin(&self) -> Outcome<Origin> {
@@ -184,32 +184,33 @@ impl CacheObject {
             (self.settings().scheme, self.origin()?, Path::new("the other cache"));
         let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
         file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
-        self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);
+        let mut cache = file.into_cache(scheme, &origin, reuse, name)?;
+        cache.share_radiance(self.live.snapshot().cache());
+        self.live.replace(cache);
         Ok(())
     }
 
     fn stats(&self) -> Outcome<lumi_stats> {
         let snapshot = self.live.snapshot();
-        let reach = Reach::new(snapshot.cache().scheme(), 0, self.size()?, 1.0);
+        let rule = snapshot.cache().radius_rule(0);
         let radii = snapshot
             .records()
             .filter(|(level, _)| *level == 0)
-            .map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
+            .map(|(_, r)| f64::from(rule.radius(r.length, r.footprint).0));
         let (sum, max, count) =
             radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
         let host = match &self.scene.committed()?.world {
             World::Own(_) => [0; 2],
             World::Host(host) => host.counts(),
         };
-        let gloss = self.gloss.load();
         let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
         Ok(lumi_stats {
             struct_size: 0,
             frozen: u32::from(snapshot.is_frozen()),
             records: snapshot.record_count() as u64,
-            radiance_records: gloss.as_ref().map_or(0, |g| g.record_count() as u64),
-            bytes: (snapshot.bytes() + gloss.as_ref().map_or(0, |g| g.bytes())) as u64,
+            radiance_records: snapshot.cache().radiance_record_count() as u64,
+            bytes: snapshot.bytes() as u64,
             rays: load(&self.counters.rays),
             queries,
             hits,
@@ -286,7 +287,7 @@ pub unsafe extern "C" fn lumi_cache_new(
             scene,
             settings: Mutex::new(settings),
             live,
-            gloss: ArcSwapOption::empty(),
+            lobes: ArcSwapOption::empty(),
             changing: Mutex::new(()),
             watcher: Mutex::new((None, 0)),
             waiting: OnceLock::new(),
@@ -509,19 +510,17 @@ pub unsafe extern "C" fn lumi_cache_get_records(
         if n.is_null() {
             return Err(Fault::argument("n is NULL"));
         }
-        let (snapshot, size) = (cache.live.snapshot(), cache.size()?);
+        let snapshot = cache.live.snapshot();
         let mut count = 0;
         if out.is_null() {
             count = snapshot.record_count();
         } else {
             for (level, r) in snapshot.records().skip(first).take(max) {
-                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0)
-                    .radius(r.length, r.footprint)
-                    .0;
+                let radius = snapshot.cache().radius_rule(level).radius(r.length, r.footprint).0;
                 let record = lumi_record {
                     position: r.position.to_array(),
                     normal: r.normal.to_array(),
-                    irradiance: r.irradiance.to_array(),
+                    irradiance: r.payload.irradiance.to_array(),
                     radius,
                     sigma: r.sigma,
                     level: level.into(),

@@ -180,7 +180,7 @@ fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock
     clock.start(Phase::Write);
     job.progress.start(Phase::Write, 0);
     job.write(&frame, &job.settings, output, arguments.preview.as_deref(), clock)?;
-    job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
+    job.save(frame.caches.as_ref().filter(|_| !frame.cancelled).map(|c| &c.cache))?;
     clock.stop();
     if let Some(path) = &arguments.stats {
         write_stats(

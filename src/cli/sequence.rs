@@ -129,7 +129,7 @@ pub fn run(
     job.warnings.extend(viewer.lost);
 
     let Some((frame, settings)) = last else { return Ok(false) };
-    job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
+    job.save(frame.caches.as_ref().filter(|_| !frame.cancelled).map(|c| &c.cache))?;
     if let Some(path) = &arguments.stats {
         let mut stats =
             render::stats(&job.scene, &settings, &frame, clock, rayon::current_num_threads());

@@ -1,11 +1,11 @@
 //! One frame: the cache is filled, then every pixel is shaded.
 
-use super::caches::{Caches, Gloss};
+use super::caches::Caches;
 use super::clock::Clock;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
 use super::visible::fill_for_camera;
-use crate::cache::{Cache, FillStats, Order, RadianceCache};
+use crate::cache::Order;
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::progress::{Phase, Progress};
@@ -15,7 +15,7 @@ use crate::transport::{
     Bidirectional, CachedIntegrator, CameraSample, Integrator, PathTracer, Shaded, Splat,
 };
 use rayon::prelude::*;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 /// Sides of a tile in pixels.
 const TILE: u32 = 16;
@@ -30,14 +30,8 @@ const WAVE: u32 = 64;
 pub struct Frame {
     /// The pixels.
     pub film: Film,
-    /// The filled cache, for the caching integrator.
-    pub cache: Option<Cache>,
-    /// What the fill did on each level.
-    pub fill: Vec<FillStats>,
-    /// The same for glossy surfaces, if the scheme caches radiance.
-    pub gloss: Option<Arc<Gloss>>,
-    /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
-    pub gathered: [u64; 3],
+    /// The filled caches, for the caching integrator.
+    pub caches: Option<Caches>,
     /// CPU seconds of rendering spent on cache lookups and on direct light.
     pub shading_seconds: [f64; 2],
     /// The frame was cancelled and holds the samples so far.
@@ -49,20 +43,10 @@ impl Frame {
     fn new(settings: &Settings, caches: Option<&Caches>) -> Self {
         Self {
             film: Film::new(settings.size, settings.window),
-            cache: caches.map(|c| c.cache.clone()),
-            fill: caches.map_or_else(Vec::new, |c| c.fill.clone()),
-            gloss: caches.and_then(|c| c.gloss.clone()),
-            gathered: caches.map_or([0; 3], |c| c.gathered),
+            caches: caches.cloned(),
             shading_seconds: [0.0; 2],
             cancelled: false,
         }
-    }
-
-    /// All caches that were filled.
-    pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
-        self.cache
-            .iter()
-            .chain(self.gloss.iter().flat_map(|g| g.levels.iter().map(RadianceCache::placement)))
     }
 }
 
@@ -149,10 +133,10 @@ fn shade_frame(
     if !settings.prepass_only {
         clock.start(Phase::Render);
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
-        let integrator = match (&frame.cache, settings.integrator) {
-            (Some(cache), _) => {
-                let gloss = frame.gloss.as_ref().map(|g| g.shading(&settings.scheme));
-                Integrator::Cached(CachedIntegrator::new(tracer, cache, gloss))
+        let integrator = match (&frame.caches, settings.integrator) {
+            (Some(caches), _) => {
+                let lobes = caches.choice();
+                Integrator::Cached(CachedIntegrator::new(tracer, &caches.cache, lobes))
             }
             (None, IntegratorKind::Bdpt) => {
                 let camera = settings.camera.clone();

@@ -14,7 +14,7 @@ mod settings;
 mod stats;
 mod visible;
 
-pub use caches::{Caches, Gloss, Job, Spot};
+pub use caches::Caches;
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher, frame, frame_from, frame_with};
 pub(crate) use frame::{camera_sample, pixel_order};

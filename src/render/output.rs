@@ -48,8 +48,8 @@ fn layers(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fac
             channels.push(Channel { name: layer.channel_name(k), kind, samples });
         }
     }
-    if facts.show_records && frame.cache.is_some() {
-        let drawn = records::draw(film, frame.caches(), settings);
+    if let Some(caches) = frame.caches.as_ref().filter(|_| facts.show_records) {
+        let drawn = records::draw(film, &caches.cache, settings);
         for (k, name) in ["R", "G", "B"].iter().enumerate() {
             let samples = drawn.overlay.iter().map(|c| c[k]).collect();
             channels.push(Channel {
@@ -122,10 +122,9 @@ pub fn write_preview(
     exposure_ev: f32,
     show_records: bool,
 ) -> Result<()> {
-    let pixels: Vec<Color> = if show_records && frame.cache.is_some() {
-        records::draw(&frame.film, frame.caches(), settings).overlay
-    } else {
-        frame.film.radiance()
+    let pixels: Vec<Color> = match frame.caches.as_ref().filter(|_| show_records) {
+        Some(caches) => records::draw(&frame.film, &caches.cache, settings).overlay,
+        None => frame.film.radiance(),
     };
     let [width, height] = frame.film.window_size();
     ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))

@@ -4,11 +4,11 @@
 use crate::math::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 
-/// Axes of [`Footprint::Sectors`].
+/// Axes of [`Area::Sectors`].
 pub const SECTORS: usize = 8;
 
 /// Unit vectors at the azimuths 45° k; the ninth is the first again.
-pub(super) const AXES: [Vec2; SECTORS + 1] = [
+pub(in crate::cache) const AXES: [Vec2; SECTORS + 1] = [
     Vec2::X,
     Vec2::splat(FRAC_1_SQRT_2),
     Vec2::Y,
@@ -24,9 +24,9 @@ pub(super) const AXES: [Vec2; SECTORS + 1] = [
 ///
 /// The same type holds what a gather says of it, the lengths R_i before any limit
 /// ([`Record::shape`](super::Record)), and the radii that follow from those
-/// ([`Reach::area`](super::Reach::area)). World space, scene units.
+/// ([`RadiusRule::area`](super::RadiusRule::area)). World space, scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Footprint {
+pub enum Area {
     /// The same in all directions.
     Disc {
         /// Radius.
@@ -39,7 +39,7 @@ pub enum Footprint {
         /// Semi-axes, the shorter one first.
         r: [f32; 2],
     },
-    /// Eight axes; between two neighbouring ones the boundary runs as in [`Footprint::boundary`].
+    /// Eight axes; between two neighbouring ones the boundary runs as in [`Area::boundary`].
     Sectors {
         /// Unit tangent of axis 0; axis k lies 45° k from it, counter-clockwise about the normal.
         axis: Vec3,
@@ -48,7 +48,7 @@ pub enum Footprint {
     },
 }
 
-impl Footprint {
+impl Area {
     /// The radii along its axes.
     pub fn radii(&self) -> &[f32] {
         match self {
@@ -199,7 +199,7 @@ impl Footprint {
 /// where its ray meets the chord from the end of axis k to that of the next one, as a share of the
 /// chord: `t = r_k sin ψ/(r_k sin ψ + r_{k+1} sin(45° - ψ))` with ψ measured from axis k.
 #[inline]
-pub(super) fn sector(r: &[f32; SECTORS], v: Vec2) -> (usize, f32) {
+pub(in crate::cache) fn sector(r: &[f32; SECTORS], v: Vec2) -> (usize, f32) {
     let steep = v.y.abs() > v.x.abs();
     let k = match (v.y >= 0.0, v.x >= 0.0) {
         (true, true) => usize::from(steep),
@@ -219,11 +219,11 @@ mod tests {
     use super::*;
     use crate::sampling::Rng;
 
-    fn shapes() -> [Footprint; 3] {
+    fn shapes() -> [Area; 3] {
         [
-            Footprint::Disc { r: 0.5 },
-            Footprint::Ellipse { axis: Vec3::Y, r: [0.3, 0.8] },
-            Footprint::Sectors { axis: Vec3::X, r: [0.3, 0.5, 0.8, 0.2, 0.4, 0.4, 0.9, 0.6] },
+            Area::Disc { r: 0.5 },
+            Area::Ellipse { axis: Vec3::Y, r: [0.3, 0.8] },
+            Area::Sectors { axis: Vec3::X, r: [0.3, 0.5, 0.8, 0.2, 0.4, 0.4, 0.9, 0.6] },
         ]
     }
 
@@ -274,8 +274,8 @@ mod tests {
 
     #[test]
     fn equal_sectors_are_a_disc_and_axes_are_met_exactly() {
-        let round = Footprint::Sectors { axis: Vec3::X, r: [0.7; SECTORS] };
-        let Footprint::Sectors { r, .. } = shapes()[2] else { unreachable!() };
+        let round = Area::Sectors { axis: Vec3::X, r: [0.7; SECTORS] };
+        let Area::Sectors { r, .. } = shapes()[2] else { unreachable!() };
         for k in 0..360 {
             let (sin, cos) = (k as f32).to_radians().sin_cos();
             assert!((round.boundary(Vec2::new(cos, sin)) - 0.7).abs() < 1e-6);
@@ -298,12 +298,12 @@ mod tests {
             _ => 0.1,
         };
         let [disc, ellipse, sectors] = shapes().map(|s| s.bounded(Vec3::Z, bound));
-        assert_eq!(disc, Footprint::Disc { r: 0.1 });
+        assert_eq!(disc, Area::Disc { r: 0.1 });
         // The axes change places: y is still the shorter one.
-        assert_eq!(ellipse, Footprint::Ellipse { axis: Vec3::Y, r: [0.1, 0.25] });
+        assert_eq!(ellipse, Area::Ellipse { axis: Vec3::Y, r: [0.1, 0.25] });
         assert_eq!(sectors.radii(), [0.25, 0.5, 0.1, 0.2, 0.25, 0.4, 0.1, 0.6]);
         let swapped = shapes()[1]
             .bounded(Vec3::Z, |u| if u.unwrap().x.abs() > 0.9 { 0.2 } else { f32::INFINITY });
-        assert_eq!(swapped, Footprint::Ellipse { axis: Vec3::NEG_X, r: [0.2, 0.3] });
+        assert_eq!(swapped, Area::Ellipse { axis: Vec3::NEG_X, r: [0.2, 0.3] });
     }
 }

@@ -1,7 +1,8 @@
 //! The fields of a record as columns of bytes: the one place where records become bytes and come
 //! back.
 
-use super::{Axes, Change, Curve, Direct, Fences, Footprint, Quadratic, Record, SECTORS};
+use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Quadratic};
+use crate::cache::record::{Area, Fences, Record, SECTORS};
 use crate::gather::Hessian;
 use crate::math::{Color, Mat3, Vec3, Vec4};
 use std::sync::Arc;
@@ -88,7 +89,7 @@ impl Column for Fences {
 }
 
 /// The number of radii, the axis, then room for the most radii there can be.
-impl Column for Footprint {
+impl Column for Area {
     const BYTES: usize = 4 + 12 + 4 * SECTORS;
 
     fn put(&self, out: &mut Vec<u8>) {
@@ -223,32 +224,52 @@ pub struct Heading {
     pub optional: bool,
 }
 
-/// Makes the table from the list of fields. A new field of [`Record`] does not compile until it is
-/// in the list, or is named as one that others determine.
+/// Makes the table from the lists of fields: `$held` are those of the payload. A new field of
+/// [`Record`] or [`Irradiance`] does not compile until it is in a list, or is named as one that
+/// others determine.
 macro_rules! columns {
-    ($($field:ident),*) => {
+    ($($place:ident),*; $($held:ident),*; $($more:ident),*) => {
         /// The columns.
         pub fn table() -> Vec<Heading> {
-            fn heading<T: Column>(name: &'static str, _: impl Fn(&Record) -> &T) -> Heading {
+            fn heading<T: Column>(
+                name: &'static str,
+                _: impl Fn(&Record<Irradiance>) -> &T,
+            ) -> Heading {
                 Heading { name, bytes: T::BYTES, optional: T::OPTIONAL }
             }
-            vec![$(heading(stringify!($field), |r| &r.$field)),*]
+            vec![
+                $(heading(stringify!($place), |r| &r.$place),)*
+                $(heading(stringify!($held), |r| &r.payload.$held),)*
+                $(heading(stringify!($more), |r| &r.$more),)*
+            ]
         }
 
         /// Appends the values of `record` to `columns`, which are in the order of [`table`].
-        pub fn put(record: &Record, columns: &mut [Vec<u8>]) {
+        pub fn put(record: &Record<Irradiance>, columns: &mut [Vec<u8>]) {
             // `limit` and `length` follow from the unclamped lengths of all records.
-            let Record { $($field,)* limit: _, length: _ } = record;
+            let Record { $($place,)* payload, $($more,)* limit: _, length: _ } = record;
+            let Irradiance { $($held),* } = payload;
             let mut columns = columns.iter_mut();
             $(if let Some(column) = columns.next() {
-                $field.put(column);
+                $place.put(column);
+            })*
+            $(if let Some(column) = columns.next() {
+                $held.put(column);
+            })*
+            $(if let Some(column) = columns.next() {
+                $more.put(column);
             })*
         }
 
-        /// The record whose values `value(name)` finds; `None` if one is missing or is none that a sound record holds.
-        pub fn get<'a>(value: impl Fn(&str) -> Option<&'a [u8]>) -> Option<Record> {
-            $(let $field = Column::get(value(stringify!($field))?)?;)*
-            let record = Record { limit: f32::INFINITY, length: 0.0, $($field),* };
+        /// The record whose values `value(name)` finds; `None` if one is missing or is none that a
+        /// sound record holds.
+        pub fn get<'a>(value: impl Fn(&str) -> Option<&'a [u8]>) -> Option<Record<Irradiance>> {
+            $(let $place = Column::get(value(stringify!($place))?)?;)*
+            $(let $held = Column::get(value(stringify!($held))?)?;)*
+            $(let $more = Column::get(value(stringify!($more))?)?;)*
+            let payload = Irradiance { $($held),* };
+            let (limit, length) = (f32::INFINITY, 0.0);
+            let record = Record { $($place,)* payload, limit, length, $($more),* };
             let unit = (record.normal.length() - 1.0).abs() < 1e-3;
             unit.then_some(Record { length: record.length_unclamped, ..record })
         }
@@ -256,17 +277,7 @@ macro_rules! columns {
 }
 
 columns!(
-    position,
-    normal,
-    irradiance,
-    rotation,
-    translation,
-    curve,
-    axes,
-    shape,
-    length_unclamped,
-    error,
-    footprint,
-    sigma,
-    fences
+    position, normal;
+    irradiance, rotation, translation, curve, axes;
+    shape, length_unclamped, error, footprint, sigma, fences
 );

@@ -17,18 +17,18 @@
 //! instead, which on a hemisphere closed at the horizon changes nothing, since a uniform world has
 //! no derivatives.
 
-use super::footprint::{Footprint, SECTORS};
-use super::scheme::{ErrorMeasure, FootprintKind, Metric, Scheme};
+use super::area::{Area, SECTORS};
+use crate::cache::scheme::{ErrorMeasure, FootprintKind, Metric, Scheme};
 use crate::gather::{Derivatives, HemisphereSamples};
 use crate::math::{Color, DMat2, DVec2, Frame, luminance};
 use std::f64::consts::{FRAC_PI_8, PI};
 
 /// Share of the curvature that the surroundings could cause which is always reckoned with.
-pub(super) const FLOOR: f64 = 0.01;
+pub(in crate::cache) const FLOOR: f64 = 0.01;
 
 /// The derivatives that a record of `scheme` is made from. Those of the triangulated hemisphere are
 /// estimated together, and only where the scheme asks for them.
-pub(super) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Derivatives {
+pub(in crate::cache) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Derivatives {
     let mut d = if scheme.triangulates() {
         samples.triangulated(scheme.triangle_radiance)
     } else {
@@ -44,14 +44,14 @@ pub(super) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Deriv
 }
 
 /// The lengths R_i of the record of `samples`: its radii where the allowed error is 1.
-pub(super) fn shape(
+pub(in crate::cache) fn shape(
     scheme: &Scheme,
     samples: &HemisphereSamples,
     irradiance: Color,
     derivatives: &Derivatives,
     scene_size: f32,
-) -> Footprint {
-    let disc = |r| Footprint::Disc { r };
+) -> Area {
+    let disc = |r| Area::Disc { r };
     match scheme.metric {
         Metric::Minimum | Metric::MinimumRestricted
             if scheme.footprint == FootprintKind::Sectors =>
@@ -107,7 +107,7 @@ fn first_order(measure: ErrorMeasure, e: f64, slope: f64, size: f64) -> f64 {
 }
 
 /// Areas over which ½ xᵀHx is as large as it may be.
-pub(super) struct Curvature<'a> {
+pub(in crate::cache) struct Curvature<'a> {
     pub scheme: &'a Scheme,
     /// The scene's diagonal.
     pub size: f64,
@@ -147,30 +147,30 @@ impl Curvature<'_> {
     }
 
     /// The area for the curvature `spectral`, symmetric and positive.
-    pub fn ellipse(&self, spectral: DMat2) -> Footprint {
+    pub fn ellipse(&self, spectral: DMat2) -> Area {
         let (values, axis) = eigen(spectral);
         let r = self.semi_axes(values[0], values[1]).map(|r| r as f32);
         self.outline(axis, r)
     }
 
     /// The ellipse, or the disc, with the semi-axes `r` and the shorter one along `axis`.
-    pub fn outline(&self, axis: DVec2, r: [f32; 2]) -> Footprint {
+    pub fn outline(&self, axis: DVec2, r: [f32; 2]) -> Area {
         if self.scheme.footprint == FootprintKind::Disc {
-            return Footprint::Disc { r: r[0] };
+            return Area::Disc { r: r[0] };
         }
         let axis = axis.as_vec2();
-        Footprint::Ellipse { axis: axis.x * self.frame.s + axis.y * self.frame.t, r }
+        Area::Ellipse { axis: axis.x * self.frame.s + axis.y * self.frame.t, r }
     }
 
     /// Along each axis u the radius is that of a disc with the curvature `bend(u)`, for irradiance
     /// the quartic form `Q(u) = sqrt(Σ_c (uᵀ H_c u)²)` over the channels; each axis stands for a
     /// sector and takes the strongest curvature along its middle and its borders.
-    pub fn sectors(&self, bend: impl Fn(DVec2) -> f64) -> Footprint {
+    pub fn sectors(&self, bend: impl Fn(DVec2) -> f64) -> Area {
         self.axes(bend, |strongest| self.semi_axes(strongest, strongest)[0])
     }
 
     /// Sectors whose radii are `radius` of the largest of `bend(u)` in each.
-    pub fn axes(&self, bend: impl Fn(DVec2) -> f64, radius: impl Fn(f64) -> f64) -> Footprint {
+    pub fn axes(&self, bend: impl Fn(DVec2) -> f64, radius: impl Fn(f64) -> f64) -> Area {
         // Opposite directions have the same curvature, so half a turn in steps of 22.5° is enough:
         // even ones are axes, odd ones borders.
         let bend: [f64; SECTORS] =
@@ -187,19 +187,19 @@ impl Curvature<'_> {
 }
 
 /// Sectors around the axes of `frame`, none of them longer than the scheme allows.
-fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Footprint {
+fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Area {
     let longest = scheme.max_aspect * r.iter().copied().fold(f32::INFINITY, f32::min);
-    Footprint::Sectors { axis: frame.s, r: r.map(|r| r.min(longest)) }
+    Area::Sectors { axis: frame.s, r: r.map(|r| r.min(longest)) }
 }
 
 /// The size of a difference in colour on the scale of luminance, `sqrt(Σ w_c x_c²)` with the
 /// weights of luminance: changes of hue that luminance does not see count, too.
-pub(super) fn size(c: Color) -> f32 {
+pub(in crate::cache) fn size(c: Color) -> f32 {
     luminance(c * c).sqrt()
 }
 
 /// The spectral absolute value `V |D| Vᵀ` of a symmetric matrix.
-pub(super) fn absolute(m: DMat2) -> DMat2 {
+pub(in crate::cache) fn absolute(m: DMat2) -> DMat2 {
     let (mean, difference) = (0.5 * (m.x_axis.x + m.y_axis.y), 0.5 * (m.x_axis.x - m.y_axis.y));
     let spread = difference.hypot(m.x_axis.y);
     let (a, b) = ((mean + spread).abs(), (mean - spread).abs());
@@ -213,7 +213,7 @@ pub(super) fn absolute(m: DMat2) -> DMat2 {
 }
 
 /// The eigenvalues of a symmetric matrix, the larger one first, and the unit eigenvector of that.
-pub(super) fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
+pub(in crate::cache) fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
     let (mean, difference) = (0.5 * (m.x_axis.x + m.y_axis.y), 0.5 * (m.x_axis.x - m.y_axis.y));
     let spread = difference.hypot(m.x_axis.y);
     let angle = 0.5 * m.x_axis.y.atan2(difference);
@@ -341,7 +341,7 @@ mod tests {
         let scheme = scheme(FootprintKind::Sectors, ErrorMeasure::Average, 3.0);
         let curvature = Curvature { scheme: &scheme, size: 1.0, e: 1.0, frame: &frame };
         // Bends along t only; the average over a disc of ½·4 x² is 4 R²/4.
-        let Footprint::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else {
+        let Area::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else {
             unreachable!()
         };
         assert!((r[2] - 1.0).abs() < 1e-6 && (r[6] - 1.0).abs() < 1e-6, "{r:?}");

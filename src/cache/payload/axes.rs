@@ -1,9 +1,8 @@
 //! Irradiance along the eight axes of a record: quadratics through values that the record's own
 //! samples give beside it, and the lengths up to which those are true [Ribardiere11].
 
-use super::footprint::{AXES, Footprint, SECTORS, sector};
-use super::record::Reach;
-use super::scheme::Scheme;
+use crate::cache::record::{AXES, Area, RadiusRule, SECTORS, sector};
+use crate::cache::scheme::Scheme;
 use crate::gather::{
     Arrival, DirectLight, HemisphereSamples, LightChoice, PointSources, RadianceProbe,
     irradiance_of,
@@ -13,7 +12,7 @@ use crate::math::{Color, Vec2, Vec3, luminance};
 use crate::sampling::hash;
 
 /// The tilt of the normal up to which records are used, 20° [Ribardiere11, Sec. 5.3].
-pub(super) const MAX_TILT: f32 = 0.349_066;
+pub const MAX_TILT: f32 = 0.349_066;
 /// An axis that errs too much is shortened to this share of its length.
 const SHORTER: f32 = 0.75;
 /// An axis is no longer than this multiple of the longer one beside it. What it covered beyond
@@ -234,7 +233,7 @@ impl Fit<'_> {
 }
 
 /// The axes of the record of `samples` at `at`, whose lengths R_i are `shape`: each starts at the
-/// radius that `reach` makes of its length and is shortened until its quadratic errs by no more
+/// radius that `rule` makes of its length and is shortened until its quadratic errs by no more
 /// than the scheme's `axis_error`, or is as short as radii get. Returns the lengths R_i that this
 /// leaves, too.
 ///
@@ -244,28 +243,28 @@ impl Fit<'_> {
 /// shortest of its axes.
 pub(super) fn fit(
     scheme: &Scheme,
-    reach: &Reach,
+    rule: &RadiusRule,
     at: &SurfacePoint,
     samples: &HemisphereSamples,
     irradiance: Color,
-    shape: Footprint,
+    shape: Area,
     direct: Option<&DirectSamples>,
-) -> (Axes, Footprint) {
+) -> (Axes, Area) {
     let mut beside = Vec::new();
     if let Some(direct) = direct {
         direct.beside.arriving(&[at.position], &mut beside);
     }
     let beside = irradiance_of(&beside, at.frame.n);
     let fit = Fit { at, sources: samples.point_sources(), indirect: irradiance, direct, beside };
-    let shortest = reach.radius_filling(0.0, at.footprint);
+    let shortest = rule.radius_filling(0.0, at.footprint);
     let mut change = [Change::default(); 2];
     let whole: [f32; SECTORS] = std::array::from_fn(|k| match shape {
-        Footprint::Sectors { r, .. } => r[k],
-        Footprint::Disc { r } | Footprint::Ellipse { r: [r, _], .. } => r,
+        Area::Sectors { r, .. } => r[k],
+        Area::Disc { r } | Area::Ellipse { r: [r, _], .. } => r,
     });
     let (mut lengths, mut left) = ([0.0; SECTORS], whole);
     for k in 0..SECTORS {
-        lengths[k] = reach.radius_filling(whole[k], at.footprint);
+        lengths[k] = rule.radius_filling(whole[k], at.footprint);
         let mut end = None;
         let quadratics = loop {
             let values = fit.along(k, lengths[k], end);
@@ -281,7 +280,7 @@ pub(super) fn fit(
             // The new end was a point of the test.
             end = (SHORTER * lengths[k] > shortest).then_some(values[2]);
             lengths[k] = (SHORTER * lengths[k]).max(shortest);
-            left[k] = reach.length_of(lengths[k]);
+            left[k] = rule.length_of(lengths[k]);
         };
         (0..2).for_each(|i| change[i].travel[k] = quadratics[i]);
     }
@@ -290,7 +289,7 @@ pub(super) fn fit(
         let most = SPIKE * found[(k + 1) % SECTORS].max(found[(k + SECTORS - 1) % SECTORS]);
         if found[k] > most {
             lengths[k] = most;
-            left[k] = reach.length_of(most);
+            left[k] = rule.length_of(most);
             let (quadratics, _) = fit.quadratics(&fit.along(k, most, None));
             (0..2).for_each(|i| change[i].travel[k] = quadratics[i]);
         }
@@ -298,7 +297,7 @@ pub(super) fn fit(
     let turns = fit.turns();
     (0..2).for_each(|i| change[i].turn = turns[i]);
     let shape = match shape {
-        Footprint::Sectors { axis, .. } => Footprint::Sectors { axis, r: left },
+        Area::Sectors { axis, .. } => Area::Sectors { axis, r: left },
         other => other.map(|r| left.into_iter().fold(r, f32::min)),
     };
     let center = direct.map(|d| irradiance_of(&d.center, at.frame.n));

@@ -61,7 +61,7 @@ impl Fences {
     }
 
     /// Fences at these planes; `None` if they are too many.
-    pub(super) fn from_planes(planes: &[Vec4]) -> Option<Self> {
+    pub(in crate::cache) fn from_planes(planes: &[Vec4]) -> Option<Self> {
         let mut fences = Self { count: planes.len() as u8, ..Self::default() };
         fences.planes.get_mut(..planes.len())?.copy_from_slice(planes);
         Some(fences)

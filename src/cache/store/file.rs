@@ -6,7 +6,11 @@
 //! reader does not know are skipped. Lengths are stored as the gathers gave them, before neighbours
 //! clamped them, so that files can be joined.
 
-use super::{Cache, Record, Scheme, columns};
+use super::cache::Cache;
+use super::columns;
+use crate::cache::payload::Irradiance;
+use crate::cache::record::Record;
+use crate::cache::scheme::Scheme;
 use crate::error::{Error, Result};
 use crate::fsutil;
 use crate::math::Vec3;
@@ -106,7 +110,7 @@ pub struct CacheFile {
     /// What they were made for.
     pub origin: Origin,
     /// The records of each level, camera first.
-    pub levels: Vec<Vec<Record>>,
+    pub levels: Vec<Vec<Record<Irradiance>>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -137,7 +141,7 @@ struct ColumnHeader {
 impl CacheFile {
     /// The records of `cache`, made for `origin`.
     pub fn new(cache: &Cache, origin: Origin) -> Self {
-        let records = |level| cache.level(level).map_or_else(Vec::new, |l| l.records().to_vec());
+        let records = |level| cache.records(level).to_vec();
         Self { origin, levels: (0..cache.level_count()).map(records).collect() }
     }
 
@@ -181,7 +185,9 @@ impl CacheFile {
         }
         self.levels.resize_with(self.levels.len().max(other.levels.len()), Vec::new);
         for (mine, theirs) in self.levels.iter_mut().zip(other.levels) {
-            let place = |r: &Record| [r.position, r.normal].map(|v| v.to_array().map(f32::to_bits));
+            let place = |r: &Record<Irradiance>| {
+                [r.position, r.normal].map(|v| v.to_array().map(f32::to_bits))
+            };
             let known: HashSet<_> = mine.iter().map(place).collect();
             mine.extend(theirs.into_iter().filter(|r| !known.contains(&place(r))));
         }
@@ -287,7 +293,7 @@ impl CacheFile {
             .ok_or_else(|| corrupt("its header is longer than the file"))?;
         let header: Header = serde_json::from_slice(header)
             .map_err(|e| corrupt(&format!("its header is damaged: {e}")))?;
-        let levels: Option<Vec<Vec<Record>>> =
+        let levels: Option<Vec<Vec<Record<Irradiance>>>> =
             header.levels.iter().map(|level| level.read(data)).collect();
         let levels =
             levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
@@ -297,7 +303,7 @@ impl CacheFile {
 
 impl LevelHeader {
     /// The level's records; `None` if any is missing or broken.
-    fn read(&self, data: &[u8]) -> Option<Vec<Record>> {
+    fn read(&self, data: &[u8]) -> Option<Vec<Record<Irradiance>>> {
         let count = usize::try_from(self.records).ok()?;
         let mut columns = BTreeMap::new();
         let zeros = vec![0; columns::table().iter().map(|h| h.bytes).max()?];

@@ -12,9 +12,9 @@
 //! `O = M Λ`, so that the same error means larger areas on surfaces that blur more; or the one
 //! number `c(wo)·Λ`, the radiance that leaves towards the viewer.
 
-use super::footprint::Footprint;
-use super::metric::{Curvature, FLOOR, absolute, eigen};
-use super::scheme::{ErrorMeasure, FootprintKind, Scheme};
+use crate::cache::record::Area;
+use crate::cache::record::metric::{Curvature, FLOOR, absolute, eigen};
+use crate::cache::scheme::{ErrorMeasure, FootprintKind, Scheme};
 use crate::gather::{Coefficients, HemisphereSamples};
 use crate::geometry::SurfacePoint;
 use crate::material::tables::BrdfMatrix;
@@ -107,8 +107,8 @@ impl Response {
     /// The distance over which the gradient changes the coefficients by as much as they are,
     /// `|Λ|/|∇Λ|` over all coefficients and channels; infinite without a gradient.
     pub fn length(&self) -> f32 {
-        let [value, s, t] = [&self.value, &self.gradient[0], &self.gradient[1]]
-            .map(|c| super::radiance_payload::dot(c, c));
+        let [value, s, t] =
+            [&self.value, &self.gradient[0], &self.gradient[1]].map(|c| super::vectors::dot(c, c));
         if s + t > 0.0 { (value / (s + t)).sqrt() } else { f32::INFINITY }
     }
 
@@ -138,7 +138,7 @@ impl Response {
 fn products(a: &[f32], b: &[f32]) -> Coefficients {
     let n = a.len().min(b.len()) / 3;
     let run = |v: &[f32], c: usize| v[c * (v.len() / 3)..][..n].to_vec();
-    (0..3).map(|c| super::radiance_payload::dot(&run(a, c), &run(b, c))).collect()
+    (0..3).map(|c| super::vectors::dot(&run(a, c), &run(b, c))).collect()
 }
 
 /// What bounds areas where light itself says nothing: the curvature and the slope that the
@@ -173,7 +173,7 @@ pub(super) fn shape(
     frame: &Frame,
     scene_size: f32,
     scale: f32,
-) -> Footprint {
+) -> Area {
     let norm = response.norm().max(FLOOR * surroundings.incident);
     let inverse = if norm > 0.0 { 1.0 / norm } else { 0.0 };
     let curvature = Curvature { scheme, size: f64::from(scene_size), e: 1.0, frame };
@@ -202,7 +202,7 @@ pub(super) fn shape(
 /// Areas over which `|J x|`, relative, is as large as it may be: along the axes `R_i = t/sqrt(g_i)`
 /// with the eigenvalues g of JᵀJ, and `∫ |J x| = (2π/3) t³/sqrt(g_1 g_2)`. The thesis prints `π R²
 /// |∇Λ|` for a disc [Zhao, Eq. 3.25], which has another dimension.
-fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
+fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Area {
     let disc = |slope: f64| match c.scheme.error_measure {
         ErrorMeasure::Average => 1.5 / slope,
         ErrorMeasure::Total => (3.0 * c.size * c.size / (TAU * slope)).cbrt(),
@@ -210,7 +210,7 @@ fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
     match c.scheme.footprint {
         FootprintKind::Sectors => c.axes(|u| u.dot(slopes * u).max(0.0).sqrt() + floor, disc),
         FootprintKind::Disc => {
-            Footprint::Disc { r: disc((slopes.x_axis.x + slopes.y_axis.y).sqrt() + floor) as f32 }
+            Area::Disc { r: disc((slopes.x_axis.x + slopes.y_axis.y).sqrt() + floor) as f32 }
         }
         FootprintKind::Ellipse | FootprintKind::OptimalEllipse => {
             let ([large, small], axis) = eigen(slopes);
@@ -230,7 +230,7 @@ fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Footprint {
 
 /// Areas over which the second-order error, relative, is as large as it may be: ellipses from the
 /// sum of the spectral absolute values, sectors from the quartic form of each direction.
-fn second_order(c: &Curvature, response: &Response, inverse: f64, floor: DMat2) -> Footprint {
+fn second_order(c: &Curvature, response: &Response, inverse: f64, floor: DMat2) -> Area {
     if c.scheme.footprint != FootprintKind::Sectors {
         let sum = response
             .hessians()

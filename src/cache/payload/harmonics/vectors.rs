@@ -1,8 +1,8 @@
 //! The numbers of a radiance record: coefficients of incident radiance and their derivatives, in
 //! single or half precision.
 
-use super::record::SECOND_ORDER;
 use crate::basis::Lane;
+use crate::cache::payload::irradiance::SECOND_ORDER;
 use crate::gather::Coefficients;
 use crate::math::{Color, Vec2, Vec4};
 use half::f16;
@@ -89,13 +89,13 @@ impl Vector {
 /// The coefficients of a record; then, if it has them, their derivatives along both tangents; then
 /// the second ones, twice along the first tangent, along both, twice along the second.
 #[derive(Clone)]
-pub(super) struct Payload {
+pub(super) struct Vectors {
     /// Number of coefficients of one channel.
     count: usize,
     vectors: Vec<Vector>,
 }
 
-impl Payload {
+impl Vectors {
     /// `vectors` are one, three or six.
     pub fn new(vectors: Vec<Coefficients>, storage: Storage) -> Self {
         let count = vectors.first().map_or(0, |v| v.len() / 3);
@@ -105,7 +105,7 @@ impl Payload {
     /// The product, channel by channel, of `c` with the coefficients continued by `offset` along
     /// the tangents, by no more vectors than `most`: 1 for their value, 3 for first order, 6 for
     /// second. The second-order change is no larger than the first-order one and a quarter of
-    /// the value together, see [`super::Curve`].
+    /// the value together, see [`Curve`](crate::cache::Curve).
     pub fn product(&self, offset: Vec2, c: [&[f32]; 3], most: usize) -> Color {
         let used = self.count.min(c[0].len());
         let vectors = &self.vectors[..self.vectors.len().min(most)];
@@ -205,7 +205,7 @@ mod tests {
     fn half_precision_keeps_three_digits_of_any_magnitude() {
         for scale in [1e-6, 1.0, 1e7] {
             let [single, half] =
-                [Storage::F32, Storage::F16].map(|storage| Payload::new(vectors(scale), storage));
+                [Storage::F32, Storage::F16].map(|storage| Vectors::new(vectors(scale), storage));
             assert_eq!(single.bytes(), 6 * 27 * 4);
             assert_eq!(half.bytes(), single.bytes() / 2);
             let c = [1.0; 9];
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn orders_of_extrapolation_add_up_and_the_second_is_limited() {
-        let payload = Payload::new(vectors(1.0), Storage::F32);
+        let payload = Vectors::new(vectors(1.0), Storage::F32);
         let v = vectors(1.0);
         // A lobe that picks the second coefficient.
         let mut c = [0.0; 9];

@@ -1,11 +1,9 @@
 //! The spatial index of records: an octree whose leaves list every record that may be valid in
 //! them.
 
-use super::axes::Axes;
-use super::fence::Fences;
-use super::footprint::Footprint;
-use super::record::{Curve, Reach, Record};
-use super::scheme::Weight;
+use crate::cache::payload::{Axes, Curve, Payload};
+use crate::cache::record::{Area, Fences, RadiusRule, Record};
+use crate::cache::scheme::Weight;
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::{Color, Mat3, Vec3};
 use std::sync::Arc;
@@ -31,10 +29,12 @@ const SHAPED: u32 = 1 << 31;
 
 /// What extrapolation reads of a record.
 #[derive(Clone, Copy)]
-struct Payload {
+struct Extrapolant {
     irradiance: Color,
     rotation: Mat3,
     translation: Mat3,
+    /// The factor on gradients, see [`RadiusRule::radius`]; `translation` contains it.
+    slope: f32,
 }
 
 /// A node of the octree: eight children in a row, or a leaf's range of entries.
@@ -61,23 +61,23 @@ pub struct Index {
     half: f32,
     nodes: Vec<Node>,
     entries: Vec<Entry>,
-    payloads: Vec<Payload>,
+    extrapolants: Vec<Extrapolant>,
     /// Of every record, for schemes that extrapolate to second order; else empty.
     curves: Vec<Curve>,
     /// Of every record, if any extrapolates along axes; else empty.
     axes: Vec<Option<Arc<Axes>>>,
     fences: Vec<Fences>,
     /// One for each of `fences` where areas are no discs; else empty.
-    areas: Vec<Footprint>,
-    reach: Reach,
+    areas: Vec<Area>,
+    rule: RadiusRule,
     normal_scale: f32,
     weight: Weight,
-    in_front_test: bool,
+    /// How far a record may lie in front of a point beside it.
     tolerance: f32,
 }
 
 /// A record that is valid at a point.
-pub(super) struct Valid {
+pub(in crate::cache) struct Valid {
     pub id: u32,
     /// From the record to the point.
     pub offset: Vec3,
@@ -86,15 +86,19 @@ pub(super) struct Valid {
     pub error: f32,
     /// Its allowed error as a share of the level's.
     pub share: f32,
+    /// The factor on its gradients.
+    pub slope: f32,
     /// Its irradiance extrapolated to the point.
     pub irradiance: Color,
     /// The same of direct light, if the record holds it.
     pub direct: Option<Color>,
 }
 
-/// Interpolated irradiance.
+/// Interpolated light.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
+    /// Radiance that leaves by the lobe that the radiance cache was asked for; else zero.
+    pub glossy: Color,
     /// Weighted mean of the extrapolated records: irradiance of indirect light.
     pub irradiance: Color,
     /// The same of direct light; `None` unless all records that took part hold it.
@@ -111,21 +115,21 @@ pub struct Answer {
 
 impl Index {
     /// Indexes `records`; a record's number in the slice is its id.
-    pub fn build(
-        records: &[Record],
-        reach: Reach,
+    pub fn build<P: Payload>(
+        records: &[Record<P>],
+        rule: RadiusRule,
         weight: Weight,
-        in_front_test: bool,
-        scene_size: f32,
+        tolerance: f32,
     ) -> Self {
-        let mut payloads = Vec::with_capacity(records.len());
+        let mut extrapolants = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
         let (mut fences, mut areas) = (Vec::new(), Vec::new());
         let (mut curves, mut axes) = (Vec::new(), Vec::new());
         let mut bounds = Aabb::EMPTY;
         for (id, r) in records.iter().enumerate() {
-            let (area, gradient_scale) = reach.area(r);
-            let share = reach.share(r);
+            let (area, slope) = rule.area(r);
+            let held = r.payload.irradiance();
+            let share = rule.share(r);
             let area = area.map(|radius| share * radius);
             let radius = area.longest();
             let mut entry = Entry {
@@ -136,7 +140,7 @@ impl Index {
                 inverse_share: 1.0 / share,
                 detail: PLAIN,
             };
-            let disc = matches!(area, Footprint::Disc { .. });
+            let disc = matches!(area, Area::Disc { .. });
             if !disc || !r.fences.planes().is_empty() {
                 entry.detail = fences.len() as u32;
                 fences.push(r.fences);
@@ -147,18 +151,19 @@ impl Index {
                 areas.push(area);
             }
             all.push(entry);
-            payloads.push(Payload {
-                irradiance: r.irradiance,
-                rotation: r.rotation,
-                translation: r.translation * gradient_scale,
+            extrapolants.push(Extrapolant {
+                irradiance: held.irradiance,
+                rotation: held.rotation,
+                translation: held.translation * slope,
+                slope,
             });
-            if let Some(mut curve) = r.curve {
+            if let Some(mut curve) = held.curve {
                 // Where the radius was raised beyond what the error allows, the term must not grow
                 // with it, as the gradient's does not.
-                curve.hessian = curve.hessian * gradient_scale.powi(2);
+                curve.hessian = curve.hessian * slope.powi(2);
                 curves.push(curve);
             }
-            axes.push(r.axes.clone());
+            axes.push(held.axes.clone());
             bounds = bounds.with(r.position - radius).with(r.position + radius);
         }
         if axes.iter().all(Option::is_none) {
@@ -176,16 +181,15 @@ impl Index {
             half,
             nodes: vec![Node::Leaf { first: 0, count: 0 }],
             entries: Vec::new(),
-            payloads,
+            extrapolants,
             curves,
             axes,
             fences,
             areas,
-            reach,
-            normal_scale: reach.normal_scale(),
+            rule,
+            normal_scale: rule.normal_scale(),
             weight,
-            in_front_test,
-            tolerance: 1e-4 * scene_size,
+            tolerance,
         };
         if !all.is_empty() {
             index.split(0, all, center, half, 0);
@@ -257,7 +261,7 @@ impl Index {
     /// Calls `visit(entry, error, n_i × n is left to the caller)` for every record valid at `at`.
     #[inline]
     fn valid(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(&Entry, f32)) {
-        let (n, least) = (at.frame.n, self.reach.least_cosine());
+        let (n, least) = (at.frame.n, self.rule.least_cosine());
         for e in self.leaf(at.position) {
             let offset = at.position - e.position;
             let d2 = offset.length_squared();
@@ -274,12 +278,12 @@ impl Index {
                 }
             }
             let error =
-                self.reach.relative_error(position, cosine, self.normal_scale * e.inverse_share);
+                self.rule.relative_error(position, cosine, self.normal_scale * e.inverse_share);
             if error >= 1.0 {
                 continue;
             }
             // A record in front of the point may see light that its surface keeps from the point.
-            if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
+            if 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
                 continue;
             }
             if e.detail != PLAIN && !self.fences[(e.detail & PLAIN) as usize].admit(at.position) {
@@ -304,9 +308,9 @@ impl Index {
     /// Calls `visit` for every record with an id below `limit` that is valid at `at`, weighed and
     /// extrapolated.
     #[inline]
-    pub(super) fn visit(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(Valid)) {
+    fn visit(&self, at: &SurfacePoint, limit: u32, mut visit: impl FnMut(Valid)) {
         self.valid(at, limit, |e, error| {
-            let p = &self.payloads[e.id as usize];
+            let p = &self.extrapolants[e.id as usize];
             let offset = at.position - e.position;
             let mut direct = None;
             let value = if let Some(Some(axes)) = self.axes.get(e.id as usize) {
@@ -327,21 +331,32 @@ impl Index {
                 weight: self.weight.at(error, e.inverse_share),
                 error,
                 share: 1.0 / e.inverse_share,
+                slope: p.slope,
                 irradiance: value.max(Color::ZERO),
                 direct,
             });
         });
     }
 
-    /// Interpolates the irradiance at `at` from the records with ids below `limit`: `E = Σ w_i
-    /// max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i` [WardHeckbert92], with
-    /// [`Curve::term`] added to the extrapolation where the scheme wants it, or by [`Axes::at`]
-    /// instead. `None` where no record is valid.
-    pub fn lookup(&self, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+    /// Interpolates the irradiance at `at` from the records with ids below `limit`:
+    /// `E = Σ w_i max(0, E_i + (n_i × n)·∇_r E_i + (x - x_i)·∇_t E_i) / Σ w_i` [WardHeckbert92],
+    /// with [`Curve::term`] added to the extrapolation where the scheme wants it, or by
+    /// [`Axes::at`] instead. `takes_part` hears of each valid record and may leave it out. `None`
+    /// where no record takes part.
+    #[inline]
+    pub(in crate::cache) fn lookup(
+        &self,
+        at: &SurfacePoint,
+        limit: u32,
+        mut takes_part: impl FnMut(&Valid) -> bool,
+    ) -> Option<Answer> {
         let (mut sum, mut weights, mut errors, mut shares, mut records) =
             (Color::ZERO, 0.0, 0.0, 0.0, 0);
         let mut direct = Some(Color::ZERO);
         self.visit(at, limit, |v| {
+            if !takes_part(&v) {
+                return;
+            }
             sum += v.weight * v.irradiance;
             direct = direct.zip(v.direct).map(|(sum, one)| sum + v.weight * one);
             weights += v.weight;
@@ -349,8 +364,9 @@ impl Index {
             shares += v.weight * v.share;
             records += 1;
         });
-        let allowed = self.reach.allowed_error() * shares / weights;
+        let allowed = self.rule.allowed_error() * shares / weights;
         (weights > 0.0).then(|| Answer {
+            glossy: Color::ZERO,
             irradiance: sum / weights,
             direct: direct.map(|d| d / weights),
             error: errors / weights,
@@ -364,10 +380,10 @@ impl Index {
     pub fn bytes(&self) -> usize {
         self.nodes.len() * size_of::<Node>()
             + self.entries.len() * size_of::<Entry>()
-            + self.payloads.len() * size_of::<Payload>()
+            + self.extrapolants.len() * size_of::<Extrapolant>()
             + self.curves.len() * size_of::<Curve>()
             + self.axes.len() * size_of::<Option<Arc<Axes>>>()
             + self.fences.len() * size_of::<Fences>()
-            + self.areas.len() * size_of::<Footprint>()
+            + self.areas.len() * size_of::<Area>()
     }
 }

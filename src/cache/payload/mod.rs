@@ -1,0 +1,13 @@
+//! What records hold of the light at a point: [`Irradiance`] for diffuse surfaces, or
+//! [`Harmonics`], which also hold incident radiance for glossy ones.
+
+mod axes;
+mod irradiance;
+mod kind;
+mod harmonics;
+
+pub use axes::{Axes, Change, Direct, DirectSamples, MAX_TILT, Quadratic};
+pub use harmonics::{Harmonics, HitStorage, Projection, Projector};
+pub use harmonics::{RadianceMetric, RadiancePlacement, Reflector, Storage};
+pub use irradiance::{Curve, Irradiance};
+pub use kind::{Appearance, Lobes, Payload, Seen};
