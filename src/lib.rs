@@ -2,7 +2,7 @@
 //!
 //! Three uses of one code base: a renderer (glTF in, multi-layer OpenEXR out), a C library that
 //! other renderers load, and a bench. The modules are listed in the order in which they may import
-//! one another: a module uses only those above it (`tests/architecture.rs` holds the rule,
+//! one another: a module uses only those above it (`tests/tools/architecture.rs` holds the rule,
 //! `docs/ARCHITECTURE.md` the reasons).
 
 #![deny(unsafe_code)]

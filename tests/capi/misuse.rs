@@ -282,7 +282,7 @@ fn handles_that_are_none_released_or_of_another_kind() {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("ffi/include/lumicache.h"),
     )
     .unwrap();
-    let missing: Vec<_> = crate::header::declared(&header)
+    let missing: Vec<_> = crate::capi::header::declared(&header)
         .into_iter()
         .filter(|n| !names.contains(&n.as_str()))
         .collect();

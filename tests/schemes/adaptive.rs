@@ -1,0 +1,525 @@
+//! Adaptive caching: the two conditions of full convergence, what the allowed errors follow, and
+//! what it costs.
+
+use crate::support::pictures::{build, cached, own, render, scheme};
+use lumicache::cache::{
+    Appearance, Cache, FillStats, LevelPoints, Reach, Record, Refinement, Scheme,
+};
+use lumicache::film::LAYERS;
+use lumicache::gather::{
+    Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
+};
+use lumicache::geometry::SurfacePoint;
+use lumicache::math::{Color, Frame, Vec3, luminance};
+use lumicache::progress::Progress;
+use lumicache::render::Frame as Picture;
+use lumicache::sampling::{Rng, hash};
+use lumicache::scene::Scene;
+use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::TimeValLike;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A refined first level and the points it was refined for.
+struct Refined {
+    cache: Cache,
+    points: Vec<SurfacePoint>,
+    appearance: Vec<Appearance>,
+    /// Of the fill before the refinement, and of the refinement.
+    stats: [FillStats; 2],
+    unrefined: usize,
+}
+
+impl Refined {
+    fn new(
+        probe: &dyn RadianceProbe,
+        scheme: Scheme,
+        scene_size: f32,
+        seen: Vec<(SurfacePoint, Appearance)>,
+    ) -> Self {
+        let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene_size);
+        let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
+        let points = LevelPoints { points, round: 0 };
+        let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
+        let unrefined = records(&cache).len();
+        let second =
+            cache.converge(probe, 0, &points.points, &appearance, 0, &Progress::default()).unwrap();
+        Self { cache, points: points.points, appearance, stats: [first, second], unrefined }
+    }
+
+    /// What the camera of `scene` sees, refined.
+    fn scene(scene: &Scene, scheme: Scheme, size: [u32; 2]) -> Self {
+        Self::new(&probe(scene), scheme, scene.size(), seen(scene, size))
+    }
+
+    fn records(&self) -> &[Record] {
+        records(&self.cache)
+    }
+}
+
+fn records(cache: &Cache) -> &[Record] {
+    cache.level(0).unwrap().records()
+}
+
+fn probe(scene: &Scene) -> SceneProbe<'_> {
+    SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX })
+}
+
+/// The shading points of the camera's pixels in a scattered order.
+fn seen(scene: &Scene, size: [u32; 2]) -> Vec<(SurfacePoint, Appearance)> {
+    let mut pixels: Vec<u32> = (0..size[0] * size[1]).collect();
+    pixels.sort_by_cached_key(|p| hash(&[u64::from(*p)]));
+    let ray = |p: u32| {
+        let seed = hash(&[0, u64::from(p % size[0]), u64::from(p / size[0])]);
+        let sample = CameraSample::new(
+            &scene.cameras()[0],
+            [p % size[0], p / size[0]],
+            size,
+            seed,
+            0,
+            u32::MAX,
+        );
+        (sample.camera, sample.seed)
+    };
+    let rays: Vec<_> = pixels.into_iter().map(ray).collect();
+    PathTracer { scene, max_bounces: u32::MAX }.appearances(&rays).into_iter().flatten().collect()
+}
+
+/// With few rays: what is tested does not depend on their number.
+fn quick(preset: &str) -> Scheme {
+    let scheme = scheme(preset);
+    Scheme { rays: scheme.rays.min(128), ..scheme }
+}
+
+/// What the two conditions of full convergence say of a level, straight from the formulas.
+#[derive(Debug, Default)]
+struct Verdict {
+    uncovered: usize,
+    /// Points at which a record that may still shrink makes a visible difference.
+    visible: usize,
+    /// Points at which only records that may not shrink any more do.
+    excused: usize,
+}
+
+fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) -> Verdict {
+    let scheme = cache.scheme();
+    let reach = Reach::new(scheme, 0, cache.scene_size(), 1.0);
+    let tolerance = scheme.in_front_test.then_some(1e-4 * cache.scene_size());
+    let mut verdict = Verdict::default();
+    for (at, look) in points.iter().zip(appearance) {
+        let mut valid = Vec::new();
+        for r in records(cache) {
+            let (radius, _) = reach.radius(r.length, r.footprint);
+            if (at.position - r.position).length() > radius {
+                continue;
+            }
+            let share = r.error / scheme.error;
+            if let Some(e) = r.error_at(&reach, at, tolerance).filter(|e| *e < share) {
+                let weight = scheme.weight.at(e / share, 1.0 / share);
+                let light = luminance(look.reflectance * r.irradiance_at(&reach, at));
+                // The floor: a_min, or where the record is as wide as pixels allow.
+                let floor = (scheme.error_min / scheme.error)
+                    .max(scheme.min_pixels * r.footprint / radius)
+                    .min(1.0);
+                valid.push((
+                    weight,
+                    light,
+                    luminance(look.reflectance) * r.sigma,
+                    share > 1.0001 * floor,
+                ));
+            }
+        }
+        if valid.is_empty() {
+            verdict.uncovered += 1;
+        }
+        if valid.len() < 2 {
+            continue;
+        }
+        let mean = |without: usize| {
+            let others: Vec<_> =
+                valid.iter().enumerate().filter(|(k, _)| *k != without).map(|(_, v)| *v).collect();
+            let w: f32 = others.iter().map(|v| v.0).sum();
+            let variance: f32 = others.iter().map(|v| (v.0 * v.2).powi(2)).sum();
+            (others.iter().map(|v| v.0 * v.1).sum::<f32>() / w, variance.sqrt() / w)
+        };
+        let (all, sigma) = mean(usize::MAX);
+        let differs: Vec<bool> = (0..valid.len())
+            .map(|k| {
+                let (without, other) = mean(k);
+                // Rounding may tip what is undecided.
+                (all - without).abs()
+                    > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
+            })
+            .collect();
+        let nearest = (0..valid.len()).max_by(|a, b| valid[*a].0.total_cmp(&valid[*b].0)).unwrap();
+        let spared = |k: usize| k == nearest && scheme.refinement == Refinement::WeberNearest;
+        // The nearest one may differ alone: then another must go that differs from it.
+        let apart = |k: usize| {
+            let (a, b) = (&valid[k], &valid[nearest]);
+            (a.1 - b.1).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + a.2.max(b.2))
+        };
+        let removable = |k: usize| {
+            valid[k].3
+                && !spared(k)
+                && (differs[k] || (spared(nearest) && differs[nearest] && apart(k)))
+        };
+        if (0..valid.len()).any(removable) {
+            verdict.visible += 1;
+        } else if differs.contains(&true) {
+            verdict.excused += 1;
+        }
+    }
+    verdict
+}
+
+#[test]
+fn levels_converge_fully() {
+    for (name, size) in [
+        ("cornell-box", [72, 72]),
+        ("staircase-room", [96, 72]),
+        ("mirror-room", [80, 60]),
+        ("curved-spheres", [80, 60]),
+    ] {
+        let scene = build(own(name));
+        for preset in ["krivanek06", "hmdic"] {
+            let r = Refined::scene(&scene, quick(preset), size);
+            // The points of mirrored surfaces are among them.
+            assert!(
+                r.points.len() > (size[0] * size[1]) as usize * 3 / 4,
+                "{name}: {} points",
+                r.points.len()
+            );
+            let [_, stats] = &r.stats;
+            let v = verdict(&r.cache, &r.points, &r.appearance);
+            eprintln!(
+                "{name}, {preset}: {} -> {} records, {} passes, {v:?}",
+                r.unrefined,
+                r.records().len(),
+                stats.passes
+            );
+            assert!(v.uncovered == 0 && v.visible == 0, "{name}, {preset}: {v:?}");
+            assert!(stats.passes <= 15 && stats.reductions > 0, "{name}, {preset}: {stats:?}");
+            // Before refinement the conditions do not hold: the test can fail.
+            let points = LevelPoints { points: r.points.clone(), round: 0 };
+            let mut cache =
+                Cache::new(Scheme { levels: 1, ..quick(preset) }, u32::MAX, scene.size());
+            cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
+            assert!(verdict(&cache, &r.points, &r.appearance).visible > 20, "{name}, {preset}");
+            for record in r.records() {
+                let scheme = r.cache.scheme();
+                assert!(
+                    record.error >= 0.9999 * scheme.error_min && record.error <= scheme.error,
+                    "{record:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn lookups_respect_each_record_s_own_error() {
+    let scene = build(own("cornell-box"));
+    for preset in ["krivanek06", "hmdic"] {
+        let r = Refined::scene(&scene, quick(preset), [64, 64]);
+        let (scheme, reach) =
+            (r.cache.scheme(), Reach::new(r.cache.scheme(), 0, scene.size(), 1.0));
+        let mut several = 0;
+        for at in &r.points {
+            let (mut sum, mut weights, mut allowed, mut count) = (Color::ZERO, 0.0, 0.0, 0);
+            for x in r.records() {
+                let share = x.error / scheme.error;
+                if let Some(e) =
+                    x.error_at(&reach, at, Some(1e-4 * scene.size())).filter(|e| *e < share)
+                {
+                    let w = scheme.weight.at(e / share, 1.0 / share);
+                    sum += w * x.irradiance_at(&reach, at);
+                    weights += w;
+                    allowed += w * x.error;
+                    count += 1;
+                }
+            }
+            let answer = r.cache.lookup(0, at, u32::MAX);
+            // A record whose area ends at the point but for rounding may count on one side alone.
+            let Some(answer) = answer.filter(|a| a.records == count) else { continue };
+            several += usize::from(count > 1);
+            assert!(
+                (answer.irradiance - sum / weights).abs().max_element()
+                    <= 1e-3 * answer.irradiance.max_element()
+            );
+            assert!(
+                (answer.allowed - allowed / weights).abs() < 1e-3,
+                "{preset}: {} {}",
+                answer.allowed,
+                allowed / weights
+            );
+        }
+        assert!(
+            several * 3 > r.points.len(),
+            "{preset}: only {several} points have more than one record"
+        );
+    }
+}
+
+/// Light that is the same from every direction; how much there is depends on where it arrives.
+struct Field<F> {
+    radiance: F,
+    distance: f32,
+}
+
+impl<F: Fn(Vec3, u64) -> f32 + Sync> RadianceProbe for Field<F> {
+    fn incoming(&self, from: &SurfacePoint, _: u8, _: &dyn Deeper, bundle: &mut Bundle) {
+        for k in 0..bundle.len() {
+            bundle.radiance[k] =
+                Color::splat((self.radiance)(from.position, hash(&[bundle.seed, k as u64])));
+            bundle.distance[k] = self.distance;
+            bundle.normal[k] = -bundle.dir_local[k];
+            bundle.kind[k] = HitKind::Surface;
+        }
+    }
+}
+
+/// Points scattered over the square [-2, 2]² of a floor of reflectance 1/π, under direct light.
+fn floor(direct: f32) -> Vec<(SurfacePoint, Appearance)> {
+    let mut rng = Rng::new(9);
+    let template = seen(&build(own("cornell-box")), [1, 1])[0].0;
+    (0..40_000)
+        .map(|_| {
+            let position = Vec3::new(4.0 * rng.next_f32() - 2.0, 4.0 * rng.next_f32() - 2.0, 0.0);
+            let at = SurfacePoint {
+                position,
+                ng: Vec3::Z,
+                frame: Frame::from_normal(Vec3::Z),
+                footprint: 0.005,
+                ..template
+            };
+            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), direct })
+        })
+        .collect()
+}
+
+#[test]
+fn records_are_small_at_a_step_and_large_away_from_it() {
+    let field = Field { radiance: |x: Vec3, _| if x.x < 0.1 { 1.0 } else { 2.0 }, distance: 1.0 };
+    let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(0.0));
+    let [near, far] = [0.0..0.05, 1.0..9.0].map(|distance: std::ops::Range<f32>| {
+        let chosen: Vec<f32> = r
+            .records()
+            .iter()
+            .filter(|x| distance.contains(&(x.position.x - 0.1).abs()))
+            .map(|x| x.error)
+            .collect();
+        chosen.iter().sum::<f32>() / chosen.len() as f32
+    });
+    assert!(near < 0.12 && far > 0.49, "mean a {near} at the step, {far} far from it");
+    assert!(r.records().len() > 2 * r.unrefined, "{} from {}", r.records().len(), r.unrefined);
+}
+
+#[test]
+fn strong_direct_light_makes_records_superfluous() {
+    let field = Field { radiance: |x: Vec3, _| 1.0 + 0.3 * (8.0 * x.x).sin(), distance: 1.0 };
+    let counts = [0.0, 5.0, 100.0].map(|direct| {
+        let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(direct));
+        r.records().len() - r.unrefined
+    });
+    // Against light that outshines it a hundred times no change of the field can be seen.
+    assert!(
+        2 * counts[0] > 3 * counts[1] && counts[1] > 0 && counts[2] == 0,
+        "{counts:?} more records"
+    );
+}
+
+#[test]
+fn the_allowance_for_noise_saves_most_records() {
+    // 128 rays of random radiance 0 or 2: the standard error of the irradiance is 9 %, far above
+    // what the eye could see if it were no noise.
+    let field =
+        Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
+    let without_gradient = |scheme| Scheme {
+        translational_gradient: TranslationalGradient::None,
+        gradient_clamp: false,
+        neighbour_clamp: false,
+        ..scheme
+    };
+    let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
+    let (before, after) = (r.unrefined, r.records().len());
+    // One standard error is allowed, so that some pairs of records still seem to differ. Without
+    // the allowance the same field is refined to the utmost.
+    struct Certain<P>(P);
+    impl<P: RadianceProbe> RadianceProbe for Certain<P> {
+        fn incoming(
+            &self,
+            from: &SurfacePoint,
+            level: u8,
+            deeper: &dyn Deeper,
+            bundle: &mut Bundle,
+        ) {
+            self.0.incoming(from, level, deeper, bundle);
+            let mean = bundle.radiance.iter().sum::<Color>() / bundle.len() as f32;
+            bundle.radiance.fill(mean);
+        }
+    }
+    let certain =
+        Refined::new(&Certain(field), without_gradient(quick("krivanek06")), 10.0, floor(0.0));
+    let certain = certain.records().len();
+    assert!(
+        before < after && 4 * after < certain,
+        "{before} records become {after}, and {certain} without the allowance"
+    );
+}
+
+#[test]
+fn light_through_a_slit() {
+    let scene = build(own("slit-light"));
+    let r = Refined::scene(
+        &scene,
+        Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") },
+        [160, 120],
+    );
+    // The floor below the panel; the middle of each edge of the band lies where half of the panel
+    // is seen, 0.36 m from the axis.
+    let mean = |range: std::ops::Range<f32>| {
+        let on_floor =
+            |x: &&Record| x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1;
+        let here =
+            r.records().iter().filter(on_floor).filter(|x| range.contains(&x.position.x.abs()));
+        let errors: Vec<f32> = here.map(|x| x.error).collect();
+        errors.iter().sum::<f32>() / errors.len() as f32
+    };
+    let (at_edge, away) = (mean(0.21..0.51), mean(0.8..1.9));
+    assert!(at_edge < 0.46 && away > 0.49, "mean a {at_edge} at the edges, {away} away from them");
+}
+
+/// CPU seconds of this thread.
+fn cpu_seconds() -> f64 {
+    let u = getrusage(UsageWho::RUSAGE_THREAD).unwrap();
+    (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 * 1e-6
+}
+
+/// A probe that knows how long it took.
+struct Timed<'a> {
+    probe: SceneProbe<'a>,
+    microseconds: AtomicU64,
+}
+
+impl RadianceProbe for Timed<'_> {
+    fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
+        let start = cpu_seconds();
+        self.probe.incoming(from, level, deeper, bundle);
+        self.microseconds.fetch_add(((cpu_seconds() - start) * 1e6) as u64, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn refinement_costs_little_beside_gathering() {
+    let scene = build(own("staircase-room"));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let (all, gathering, looking) = pool.install(|| {
+        let start = cpu_seconds();
+        let (points, appearance): (Vec<_>, Vec<_>) = seen(&scene, [256, 192]).into_iter().unzip();
+        let looking = cpu_seconds() - start;
+        let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
+        let timed = Timed { probe: SceneProbe::new(tracer), microseconds: AtomicU64::new(0) };
+        let start = cpu_seconds();
+        let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
+        let deeper = LevelPoints { points: tracer.next_points(&points, 16_384, 0), round: 0 };
+        let first = LevelPoints { points, round: 0 };
+        cache.fill(&timed, 1, &deeper, 0, &Progress::default()).unwrap();
+        cache.fill(&timed, 0, &first, 0, &Progress::default()).unwrap();
+        cache.converge(&timed, 0, &first.points, &appearance, 0, &Progress::default()).unwrap();
+        let all = cpu_seconds() - start;
+        // What a record costs beside its rays: directions, estimates, gradients.
+        let records: u64 =
+            (0..2).map(|level| cache.level(level).unwrap().records().len() as u64).sum();
+        let (start, idle) = (cpu_seconds(), Cache::new(scheme("krivanek06"), 0, scene.size()));
+        let (constant, reach) = (
+            Field { radiance: |_, _| 1.0, distance: 1.0 },
+            Reach::new(idle.scheme(), 0, scene.size(), 1.0),
+        );
+        let mut samples = HemisphereSamples::new(idle.scheme().layout(0), idle.scheme().density);
+        for at in &first.points[..256] {
+            samples.gather(&constant, at, 0, &idle, 0);
+            std::hint::black_box(Record::new(idle.scheme(), &reach, at, &samples, None));
+        }
+        let estimates = (cpu_seconds() - start) / 256.0 * records as f64;
+        (all, timed.microseconds.into_inner() as f64 * 1e-6 + estimates, looking)
+    });
+    let overhead = (all - gathering) / all;
+    eprintln!(
+        "fill {all:.2} s, of which gathering {gathering:.2} s: overhead {:.1} %; finding the points and their light {looking:.2} s",
+        100.0 * overhead
+    );
+    assert!(overhead < 0.10, "{overhead}");
+}
+
+#[test]
+fn no_record_misses_a_step() {
+    let scene = build(own("staircase-room"));
+    let r = Refined::scene(&scene, quick("krivanek06"), [160, 120]);
+    let missed = |records: &[Record]| {
+        let excess =
+            |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
+        records
+            .iter()
+            .flat_map(|a| records.iter().map(move |b| (a, b)))
+            .filter(|(a, b)| excess(a, b) > 1e-4 * a.length)
+            .count()
+    };
+    assert_eq!(missed(r.records()), 0, "records that missed a feature that their neighbours saw");
+    let free: Vec<Record> =
+        r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
+    assert!(missed(&free) > 0, "the test cannot fail");
+}
+
+/// The values of a layer of one channel.
+fn layer(picture: &Picture, name: &str) -> Vec<f32> {
+    picture.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap()).remove(0)
+}
+
+#[test]
+fn the_layer_gi_a_shows_the_allowed_errors() {
+    let scene = build(own("slit-light"));
+    let a = |preset: &str| {
+        let mut settings = cached(&scene, preset, [64, 48], 2);
+        settings.scheme.rays = 256;
+        let picture = render(&scene, &settings);
+        let answered = layer(&picture, "gi.records");
+        let a: Vec<f32> = layer(&picture, "gi.a")
+            .into_iter()
+            .zip(answered)
+            .filter(|(_, n)| *n > 0.0)
+            .map(|(a, _)| a)
+            .collect();
+        assert!(a.len() > 2000);
+        (a, settings.scheme)
+    };
+    let (constant, scheme) = a("ward-heckbert92");
+    assert!(constant.iter().all(|a| (a - scheme.error).abs() < 1e-5), "{constant:?}");
+    let (map, scheme) = a("krivanek06");
+    let (least, most) =
+        map.iter().fold((f32::INFINITY, 0.0_f32), |(l, m), a| (l.min(*a), m.max(*a)));
+    assert!(least >= 0.999 * scheme.error_min && most <= 1.001 * scheme.error, "{least} to {most}");
+    assert!(least < 0.5 * most, "{least} to {most}");
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let scene = build(own("cornell-box"));
+    let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
+    let (points, appearance): (Vec<_>, Vec<_>) = seen(&scene, [4, 4]).into_iter().unzip();
+    let converge = |cache: &mut Cache, appearance: &[Appearance]| {
+        cache
+            .converge(&probe(&scene), 0, &points, appearance, 0, &Progress::default())
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(converge(&mut cache, &appearance).contains("before it is filled"));
+    assert!(converge(&mut cache, &appearance[1..]).contains("appearances"));
+    let mut scheme = scheme("ward88");
+    assert!(scheme.set("refinement", "weber").unwrap_err().to_string().contains("passes"));
+    scheme.set("passes", "2").unwrap();
+    scheme.set("refinement", "weber").unwrap();
+    assert_eq!(scheme.refinement, Refinement::Weber);
+    for (key, value) in [("error_min", "0"), ("contrast", "-1"), ("refinement", "more")] {
+        assert!(scheme.set(key, value).unwrap_err().to_string().contains(key));
+    }
+}
