@@ -16,12 +16,12 @@ pub mod error;
 pub mod progress;
 pub mod fsutil;
 pub mod math;
+pub mod sampling;
+pub mod basis;
+pub mod geometry;
 #[allow(unsafe_code, reason = "the one place, with capi, where foreign functions are called")]
 pub mod ffi;
 pub mod imagefile;
-pub mod basis;
-pub mod sampling;
-pub mod geometry;
 pub mod accel;
 pub mod texture;
 pub mod material;

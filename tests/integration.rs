@@ -6,6 +6,7 @@ mod support {
     pub mod desk; // a folder to run the program in
     pub mod gltf_maker; // small glTF files made on the spot
     pub mod pictures; // rendering inside the tests
+    pub mod source; // the files of the project as text
     pub mod testdata; // where the optional test data is
 }
 
@@ -60,7 +61,9 @@ mod capi; // the C library as C calls it, its header, its installation
 
 /// The program and the project.
 mod tools {
-    mod architecture; // module order, citations, file sizes
+    mod architecture; // module order, file sizes
     mod cache_files; // caches saved, loaded, joined
+    mod file_order; // no circles between files
+    mod prose; // citations, names of files and widths in documents and comments
     mod cli; // the command line as a user runs it
 }

@@ -10,10 +10,10 @@
 //!
 //! without the Condon-Shortley sign (-1)^m. z is the pole: for the hemisphere, the surface normal.
 
-mod hsh;
 mod quadrature;
-mod rotation;
 mod sh;
+mod hsh;
+mod rotation;
 mod tilt;
 
 pub use hsh::Hsh;

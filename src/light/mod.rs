@@ -2,17 +2,18 @@
 //! the sampling of all of them.
 
 mod bounds;
-mod distant;
-mod emission;
 mod environment;
+mod distant;
 mod ies;
 mod lanes;
-mod lights;
 mod polygon;
 mod punctual;
 mod sky;
-mod tree;
 mod triangle;
+mod importance;
+mod tree;
+mod lights;
+mod emission;
 
 pub use emission::{Emission, EmissionSampler, LightEnd};
 pub use ies::{IesFault, IesProfile, Photometry};

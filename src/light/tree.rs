@@ -4,7 +4,8 @@
 //! few lights and is split by the lights' own importance. A scene of few lights is one leaf.
 
 use super::bounds::LightBounds;
-use super::lanes::{GroupLanes, LANES, TriangleLanes};
+use super::importance::{GroupLanes, TriangleLanes};
+use super::lanes::LANES;
 use super::{PunctualLight, TriangleLight};
 use crate::geometry::Aabb;
 use crate::math::Vec3;

@@ -1,8 +1,8 @@
 //! Glossy lobes in harmonics, tabulated over the outgoing direction: what a record of incident
 //! radiance is multiplied with.
 
-mod disk;
 mod lobe;
+mod disk;
 mod matrix;
 
 pub use disk::{TABLES_VARIABLE, TableStore};
