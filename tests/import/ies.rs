@@ -1,7 +1,7 @@
 //! IES files: what is read, how it is evaluated and sampled, and what broken files give.
 
-use crate::numeric::lights::{Rng, assert_chi2};
 use crate::support::gltf_maker::{Gltf, triangle};
+use crate::support::statistics::{Rng, assert_chi2};
 use crate::support::testdata;
 use lumicache::geometry::{Aabb, Geometry};
 use lumicache::import::{ImportOptions, LightUnits, ies};

@@ -1,9 +1,8 @@
 //! Files that must fail, cleanly: one error that names the file and the place, no panic, no hang,
 //! bounded memory.
 
-use crate::import::conformance::gltf_files;
 use crate::support::gltf_maker::{Gltf, floats, shorts};
-use crate::support::testdata;
+use crate::support::testdata::{self, gltf_files};
 use lumicache::error::Error;
 use lumicache::import::{ImportOptions, gltf};
 use serde_json::{Value, json};

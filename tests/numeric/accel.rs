@@ -1,180 +1,11 @@
 //! Both back ends against each other and against what a tracer must hold: no leaks, equal bits,
 //! whole intervals.
 
+use crate::support::meshes::*;
+use crate::support::statistics::Rng;
 use lumicache::accel::{Accel, Backend, Coherence, Hit, Ray};
-use lumicache::ffi::mxcsr::FlushDenormals;
-use lumicache::geometry::{Geometry, Instance, TriangleMesh};
-use lumicache::math::{Affine3A, Mat3, Vec3};
-use std::sync::Arc;
-
-/// SplitMix64: enough randomness for rays.
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in [0, 1).
-    fn unit(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// Uniform in the cube of edge 2 around the origin.
-    fn cube(&mut self) -> Vec3 {
-        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
-    }
-
-    /// Uniform on the unit sphere.
-    fn direction(&mut self) -> Vec3 {
-        loop {
-            let p = self.cube();
-            if (0.01..1.0).contains(&p.length_squared()) {
-                return p.normalize();
-            }
-        }
-    }
-}
-
-fn mesh(positions: Vec<Vec3>, indices: Vec<[u32; 3]>) -> TriangleMesh {
-    TriangleMesh {
-        name: "test".into(),
-        positions: positions.into(),
-        indices: indices.into(),
-        ..Default::default()
-    }
-}
-
-fn geometry(meshes: Vec<TriangleMesh>, instances: Vec<Instance>) -> Geometry {
-    Geometry { meshes: meshes.into_iter().map(Arc::new).collect(), instances }
-}
-
-fn once(mesh: TriangleMesh) -> Geometry {
-    geometry(vec![mesh], vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }])
-}
-
-/// A closed sphere around the origin; neighbours share vertices.
-fn sphere(rings: u32, sectors: u32) -> TriangleMesh {
-    let mut positions = vec![Vec3::Y];
-    for ring in 1..rings {
-        let theta = std::f32::consts::PI * ring as f32 / rings as f32;
-        positions.extend((0..sectors).map(|sector| {
-            let phi = std::f32::consts::TAU * sector as f32 / sectors as f32;
-            Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
-        }));
-    }
-    positions.push(Vec3::NEG_Y);
-    let at = |ring: u32, sector: u32| 1 + (ring - 1) * sectors + sector % sectors;
-    let mut indices = Vec::new();
-    for sector in 0..sectors {
-        indices.push([0, at(1, sector + 1), at(1, sector)]);
-        for ring in 1..rings - 1 {
-            let [a, b] = [at(ring, sector), at(ring, sector + 1)];
-            let [c, d] = [at(ring + 1, sector), at(ring + 1, sector + 1)];
-            indices.extend([[a, b, c], [b, d, c]]);
-        }
-        indices.push([
-            at(rings - 1, sector),
-            at(rings - 1, sector + 1),
-            positions.len() as u32 - 1,
-        ]);
-    }
-    mesh(positions, indices)
-}
-
-/// An axis-aligned box of the given half sizes with outer faces.
-fn cuboid(half: Vec3) -> TriangleMesh {
-    let corner = |i: u32| {
-        half * Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - half
-    };
-    let quads =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    mesh(
-        (0..8).map(corner).collect(),
-        quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
-    )
-}
-
-/// A room with two turned blocks, as separate meshes in place.
-fn cornell() -> Geometry {
-    let meshes =
-        vec![cuboid(Vec3::ONE), cuboid(Vec3::new(0.3, 0.6, 0.3)), cuboid(Vec3::splat(0.3))];
-    let place = |mesh, angle, x, y, z| Instance {
-        mesh,
-        to_world: Affine3A::from_rotation_y(angle) * Affine3A::from_translation(Vec3::new(x, y, z)),
-    };
-    geometry(
-        meshes,
-        vec![
-            place(0, 0.0, 0.0, 0.0, 0.0),
-            place(1, 0.3, -0.35, -0.4, -0.3),
-            place(2, -0.3, 0.35, -0.7, 0.35),
-        ],
-    )
-}
-
-fn soup(triangles: usize) -> Geometry {
-    let mut random = Random(1);
-    let mut positions = Vec::new();
-    for _ in 0..triangles {
-        let center = random.cube();
-        let size = 0.005 + 0.1 * random.unit().powi(4);
-        positions.extend([0; 3].map(|_| center + size * random.cube()));
-    }
-    once(mesh(positions, (0..triangles as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()))
-}
-
-/// 300 turned, stretched and partly mirrored spheres that share their triangles, over a floor.
-fn field() -> Geometry {
-    let mut random = Random(2);
-    let floor = mesh(
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-            .map(|[x, z]| Vec3::new(x, -1.0, z))
-            .to_vec(),
-        vec![[0, 2, 1], [0, 3, 2]],
-    );
-    let mut instances = vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }];
-    for i in 0..300 {
-        let turn = Mat3::from_axis_angle(random.direction(), 6.0 * random.unit());
-        let scale = 0.03 + 0.1 * Vec3::new(random.unit(), random.unit(), random.unit());
-        let mirror = if i % 3 == 0 { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
-        let to_world = Affine3A::from_mat3_translation(
-            turn * Mat3::from_diagonal(scale * mirror),
-            0.9 * random.cube(),
-        );
-        instances.push(Instance { mesh: 1, to_world });
-    }
-    geometry(vec![floor, sphere(12, 24)], instances)
-}
-
-fn scenes() -> [(&'static str, Geometry); 4] {
-    [
-        ("sphere", once(sphere(64, 128))),
-        ("cornell", cornell()),
-        ("soup", soup(50_000)),
-        ("field", field()),
-    ]
-}
-
-/// Rays of random direction and length from in and around the cube of edge 2, in random order.
-fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
-    let mut random = Random(seed);
-    (0..count)
-        .map(|_| Ray::new(1.2 * random.cube(), random.direction() * (0.1 + random.unit())))
-        .collect()
-}
-
-fn build(geometry: &Geometry, backend: Backend) -> Accel {
-    Accel::build(geometry, backend).unwrap()
-}
-
-/// The back ends that this build has.
-fn backends() -> Vec<Backend> {
-    Backend::ALL.into_iter().filter(|&b| Accel::build(&Geometry::default(), b).is_ok()).collect()
-}
+use lumicache::geometry::Geometry;
+use lumicache::math::Vec3;
 
 /// True if the hit lies within rounding error of its triangle's border.
 fn at_an_edge(hit: &Hit) -> bool {
@@ -234,7 +65,7 @@ fn no_ray_leaves_a_closed_mesh() {
         let geometry = once(mesh);
         for backend in backends() {
             let accel = build(&geometry, backend);
-            let mut random = Random(4);
+            let mut random = Rng(4);
             let mut leaks = [0; 4];
             for i in 0..300_000 {
                 let origin = 0.3 * random.cube();
@@ -243,7 +74,7 @@ fn no_ray_leaves_a_closed_mesh() {
                     1 => {
                         let [a, b, _] = geometry.meshes[0].indices
                             [random.bits() as usize % geometry.meshes[0].indices.len()];
-                        vertices[a as usize].lerp(vertices[b as usize], random.unit()) - origin
+                        vertices[a as usize].lerp(vertices[b as usize], random.next()) - origin
                     }
                     2 => [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z]
                         [random.bits() as usize % 6],
@@ -297,7 +128,7 @@ fn hits_lie_in_the_ray_s_interval() {
     let geometry = soup(5_000);
     for backend in backends() {
         let accel = build(&geometry, backend);
-        let mut random = Random(6);
+        let mut random = Rng(6);
         let mut found = 0;
         for mut ray in random_rays(100_000, 7) {
             let first = accel.intersect(&ray);
@@ -310,7 +141,7 @@ fn hits_lie_in_the_ray_s_interval() {
                     "{backend}"
                 );
             }
-            (ray.tmin, ray.tmax) = (random.unit(), 2.0 * random.unit());
+            (ray.tmin, ray.tmax) = (random.next(), 2.0 * random.next());
             let hit = accel.intersect(&ray);
             assert_eq!(hit.is_hit(), accel.occluded(&ray), "{backend}: {ray:?}");
             if hit.is_hit() {
@@ -421,164 +252,6 @@ fn builds_and_threads_do_not_change_a_bit() {
                 assert!(trace(&accel, threads) == first, "{name}, {backend}, {threads} threads");
             }
         }
-    }
-}
-
-#[test]
-fn of_equally_distant_triangles_the_bvh_takes_the_first() {
-    // The same triangles three times, once from a second instance.
-    let twice = {
-        let m = sphere(5, 8);
-        mesh(m.positions.to_vec(), m.indices.iter().chain(&m.indices).copied().collect())
-    };
-    let place = |mesh| Instance { mesh, to_world: Affine3A::IDENTITY };
-    let first = sphere(5, 8).indices.len() as u32;
-    let geometry = geometry(vec![twice.clone(), twice], vec![place(0), place(1)]);
-    let accel = build(&geometry, Backend::Bvh);
-    for ray in random_rays(10_000, 11) {
-        let hit = accel.intersect(&ray);
-        assert!(!hit.is_hit() || (hit.instance == 0 && hit.triangle < first), "{hit:?}");
-    }
-}
-
-#[test]
-fn very_near_and_very_small_things_are_hit() {
-    // A sphere of a micrometre, also through a direction of small length and one almost along an
-    // axis.
-    for scale in [1e-6, 1.0, 1e6] {
-        let mut small = sphere(16, 32);
-        small.positions.iter_mut().for_each(|p| *p *= scale);
-        let geometry = once(small);
-        for backend in backends() {
-            let accel = build(&geometry, backend);
-            for dir in [
-                Vec3::new(1.0, 1e-9, -1e-9),
-                Vec3::new(1e-3, 2e-3, 1e-3),
-                Vec3::new(300.0, -200.0, 100.0),
-            ] {
-                let hit = accel.intersect(&Ray::new(Vec3::ZERO, dir));
-                let distance = hit.t * dir.length() / scale;
-                assert!(
-                    (0.97..1.001).contains(&distance),
-                    "{backend}, scale {scale}, {dir}: {hit:?}"
-                );
-            }
-        }
-    }
-}
-
-#[test]
-fn rays_that_are_not_numbers_hit_nothing() {
-    let geometry = once(sphere(16, 32));
-    let bad = [
-        Ray::new(Vec3::NAN, Vec3::X),
-        Ray::new(Vec3::ZERO, Vec3::NAN),
-        Ray::new(Vec3::ZERO, Vec3::ZERO),
-        Ray { tmin: f32::NAN, ..Ray::new(Vec3::ZERO, Vec3::X) },
-        Ray { tmax: f32::NAN, ..Ray::new(Vec3::ZERO, Vec3::X) },
-        Ray { tmin: 2.0, tmax: 1.0, ..Ray::new(Vec3::ZERO, Vec3::X) },
-    ];
-    for backend in backends() {
-        let accel = build(&geometry, backend);
-        let mut hits = [Hit::MISS; 6];
-        accel.intersect_many(&bad, Coherence::Bundle, &mut hits);
-        for (ray, hit) in bad.iter().zip(hits) {
-            assert!(
-                !accel.intersect(ray).is_hit() && !hit.is_hit() && !accel.occluded(ray),
-                "{backend}: {ray:?}"
-            );
-        }
-    }
-}
-
-#[test]
-fn degenerate_input_is_survived() {
-    // A hundred thousand copies of one triangle, and a fan of needles.
-    let copies = mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]; 100_000]);
-    let needles = {
-        let tips = (0..1000).map(|i| Vec3::new(1.0, 1e-7 * i as f32, 0.0));
-        mesh(
-            std::iter::once(Vec3::ZERO).chain(tips).collect(),
-            (1..1000).map(|i| [0, i, i + 1]).collect(),
-        )
-    };
-    let flat = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 1.0, 1e-20)) };
-    let huge = |size: f32| {
-        once(mesh(
-            (0..4).map(|i| size * Vec3::new(i as f32, 1.0, (i * i) as f32)).collect(),
-            vec![[0, 1, 2], [1, 2, 3]],
-        ))
-    };
-    let singular = Instance { mesh: 0, to_world: Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0)) };
-    let far = Instance { mesh: 0, to_world: Affine3A::from_translation(Vec3::splat(1e30)) };
-    let odd_instances = geometry(vec![copies.clone()], vec![flat.clone(), flat, singular, far]);
-    let not_numbers = once(mesh(
-        vec![Vec3::NAN, Vec3::X, Vec3::INFINITY, Vec3::Y, Vec3::Z],
-        vec![[0, 1, 2], [1, 2, 3], [0, 3, 4]],
-    ));
-    for geometry in [
-        once(copies),
-        once(needles),
-        odd_instances,
-        huge(1e10),
-        huge(1e17),
-        huge(1e30),
-        not_numbers,
-    ] {
-        for backend in backends() {
-            let accel = build(&geometry, backend);
-            random_rays(100, 12).iter().for_each(|ray| {
-                accel.intersect(ray);
-                accel.occluded(ray);
-            });
-        }
-    }
-    let accel = build(
-        &once(mesh(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]; 100_000])),
-        Backend::Bvh,
-    );
-    let hit = accel.intersect(&Ray::new(Vec3::new(0.25, 0.5, 3.0), Vec3::NEG_Z));
-    assert_eq!((hit.t, hit.u, hit.v, hit.triangle), (3.0, 0.25, 0.5, 0));
-}
-
-#[test]
-fn indices_that_name_nothing_are_refused() {
-    let beyond = once(mesh(vec![Vec3::ZERO; 3], vec![[0, 1, 2], [0, 1, 3]]));
-    let no_mesh = geometry(vec![], vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }]);
-    for backend in backends() {
-        let text = |g: &Geometry| Accel::build(g, backend).err().unwrap().to_string();
-        assert!(
-            text(&beyond).contains("triangle 1 refers to a vertex beyond its 3"),
-            "{}",
-            text(&beyond)
-        );
-        assert!(text(&no_mesh).contains("instance 0 refers to mesh 0"), "{}", text(&no_mesh));
-    }
-}
-
-#[test]
-fn building_and_tracing_leave_the_thread_s_floating_point_mode() {
-    // The product is looked at, too, so that it is made where it stands: the compiler knows nothing
-    // of the mode.
-    let half_of_the_least_normal = || {
-        std::hint::black_box(std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5))
-    };
-    let geometry = soup(20_000);
-    for backend in backends() {
-        let trace = || {
-            let accel = build(&geometry, backend);
-            let rays = random_rays(1_000, 13);
-            accel.intersect_many(&rays, Coherence::Bundle, &mut vec![Hit::MISS; rays.len()]);
-        };
-        trace();
-        assert!(half_of_the_least_normal() > 0.0, "{backend}");
-        let guard = FlushDenormals::new();
-        trace();
-        let flushed = half_of_the_least_normal();
-        drop(guard);
-        assert!(flushed == 0.0 || cfg!(not(target_arch = "x86_64")), "{backend}");
-        // Threads that Rust's pool or TBB own are not ours to look at; this one is.
-        assert!(half_of_the_least_normal() > 0.0, "{backend}");
     }
 }
 

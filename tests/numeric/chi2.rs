@@ -6,7 +6,8 @@
 //! of 1. The significance is 0.01 for each test function as a whole (Šidák), so with a fresh seed
 //! one run in a hundred would raise a false alarm; the seeds are fixed.
 
-use crate::support::bsdfs::{Chart, Rng, axis_of, cells, integrate, views, zoo};
+use crate::support::bsdfs::{Chart, axis_of, cells, integrate, views, zoo};
+use crate::support::statistics::Rng;
 use lumicache::material::{Bsdf, BsdfSample};
 use lumicache::math::{Vec2, Vec3};
 
@@ -46,7 +47,7 @@ fn p_value(chart: &Chart, seed: u64, pdf: &dyn Fn(Vec3) -> f32, sample: Sampler)
     let mut observed = vec![0.0; NT * NS + 1];
     let mut rng = Rng(seed);
     for _ in 0..SAMPLES {
-        let cell = match sample(rng.f32(), rng.vec2()) {
+        let cell = match sample(rng.next(), rng.vec2()) {
             Some(s) if s.pdf.is_finite() => {
                 let (t, s) = chart.coordinates(s.wi);
                 (t * NT as f64) as usize * NS + (s * NS as f64) as usize

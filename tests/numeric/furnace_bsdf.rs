@@ -1,9 +1,9 @@
 //! Energy, reciprocity and consistency of the BSDFs, against quadrature over the sphere.
 
 use crate::support::bsdfs::{
-    Chart, Rng, at, axis_of, bsdf, cells, glass, integrate, matte, metal, plastic, sheet, views,
-    zoo,
+    Chart, at, axis_of, bsdf, cells, glass, integrate, matte, metal, plastic, sheet, views, zoo,
 };
+use crate::support::statistics::Rng;
 use lumicache::material::{Bsdf, Lobe, Material, NativeBrdf};
 use lumicache::math::{Color, PI, Vec3};
 
@@ -30,7 +30,7 @@ fn monte_carlo(b: &Bsdf, wo: Vec3, n: usize, undo_compression: bool) -> (Color, 
     let mut rng = Rng(n as u64);
     let (mut finite, mut squares, mut delta) = (Color::ZERO, Color::ZERO, Color::ZERO);
     for k in 0..n {
-        let x = (k as f32 + rng.f32()) / n as f32;
+        let x = (k as f32 + rng.next()) / n as f32;
         let Some(s) = b.sample(wo, x.min(0.999_999_9), rng.vec2()) else { continue };
         let weight = s.weight * if undo_compression { s.eta * s.eta } else { 1.0 };
         if s.lobe == Lobe::Delta {
@@ -186,7 +186,7 @@ fn weights_are_f_cos_over_pdf_and_lobes_say_what_they_are() {
         for wo in views() {
             for k in 0..400 {
                 let glossy = k % 2 == 1;
-                let (x, u) = (rng.f32(), rng.vec2());
+                let (x, u) = (rng.next(), rng.vec2());
                 let Some(s) = (if glossy { b.sample_glossy(wo, x, u) } else { b.sample(wo, x, u) })
                 else {
                     continue;
@@ -321,10 +321,10 @@ fn every_finite_input_gives_finite_numbers() {
     let mut rng = Rng(99);
     let extremes = [0.0, 1.0, 1e-8, 1e-3, 0.0316, 0.0317, 0.5, -1.0, 7.0, 1e9];
     let pick = |rng: &mut Rng| {
-        if rng.f32() < 0.5 {
-            rng.f32()
+        if rng.next() < 0.5 {
+            rng.next()
         } else {
-            extremes[(rng.f32() * extremes.len() as f32) as usize]
+            extremes[(rng.next() * extremes.len() as f32) as usize]
         }
     };
     for round in 0..4000 {
@@ -386,7 +386,7 @@ fn every_finite_input_gives_finite_numbers() {
             }
             assert!(finite(b.diffuse_albedo(wo)) && finite(b.albedo(wo)), "{material:?}\n{wo}");
             for u in [rng.vec2(), Color::ZERO.truncate(), Color::splat(0.999_999_94).truncate()] {
-                for x in [0.0, rng.f32(), 0.999_999_94] {
+                for x in [0.0, rng.next(), 0.999_999_94] {
                     for s in [b.sample(wo, x, u), b.sample_glossy(wo, x, u)].into_iter().flatten() {
                         let sane =
                             finite(s.weight) && s.wi.is_finite() && s.pdf > 0.0 && s.eta > 0.0;

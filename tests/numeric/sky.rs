@@ -1,9 +1,9 @@
 //! Daylight: the skies light what they should, are sampled as they say, and the sun is where and
 //! what it should be.
 
-use crate::numeric::lights::{Rng, assert_chi2};
-use crate::pictures::furnace::{diffuse, plane};
 use crate::support::pictures::{build, render, settings};
+use crate::support::rooms::{diffuse, plane};
+use crate::support::statistics::{Rng, assert_chi2};
 use lumicache::geometry::{Aabb, Geometry};
 use lumicache::import::{self, LightUnits};
 use lumicache::light::{LightSource, Lights, Sky, SkyKind, SunKind};

@@ -5,8 +5,8 @@
 //! which come from eight seeds of each: with 14 degrees of freedom a false alarm in 30 000
 //! comparisons.
 
-use crate::pictures::furnace::{cube, diffuse, furnace, scene_of};
 use crate::support::pictures::{build, own, render, settings};
+use crate::support::rooms::{cube, diffuse, furnace, scene_of};
 use lumicache::camera::Projection;
 use lumicache::film::LAYERS;
 use lumicache::geometry::{Instance, TriangleMesh};

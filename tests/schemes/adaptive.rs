@@ -2,94 +2,18 @@
 //! what it costs.
 
 use crate::support::pictures::{build, cached, own, render, scheme};
-use lumicache::cache::{
-    Appearance, Cache, FillStats, LevelPoints, Reach, Record, Refinement, Scheme,
-};
+use crate::support::refined::*;
+use lumicache::cache::{Appearance, Cache, LevelPoints, Reach, Record, Refinement, Scheme};
 use lumicache::film::LAYERS;
-use lumicache::gather::{
-    Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
-};
+use lumicache::gather::{Bundle, Deeper, HemisphereSamples, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
-use lumicache::math::{Color, Frame, Vec3, luminance};
+use lumicache::math::{Color, luminance};
 use lumicache::progress::Progress;
 use lumicache::render::Frame as Picture;
-use lumicache::sampling::{Rng, hash};
-use lumicache::scene::Scene;
-use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
+use lumicache::transport::{PathTracer, SceneProbe};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use std::sync::atomic::{AtomicU64, Ordering};
-
-/// A refined first level and the points it was refined for.
-struct Refined {
-    cache: Cache,
-    points: Vec<SurfacePoint>,
-    appearance: Vec<Appearance>,
-    /// Of the fill before the refinement, and of the refinement.
-    stats: [FillStats; 2],
-    unrefined: usize,
-}
-
-impl Refined {
-    fn new(
-        probe: &dyn RadianceProbe,
-        scheme: Scheme,
-        scene_size: f32,
-        seen: Vec<(SurfacePoint, Appearance)>,
-    ) -> Self {
-        let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene_size);
-        let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
-        let points = LevelPoints { points, round: 0 };
-        let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
-        let unrefined = records(&cache).len();
-        let second =
-            cache.converge(probe, 0, &points.points, &appearance, 0, &Progress::default()).unwrap();
-        Self { cache, points: points.points, appearance, stats: [first, second], unrefined }
-    }
-
-    /// What the camera of `scene` sees, refined.
-    fn scene(scene: &Scene, scheme: Scheme, size: [u32; 2]) -> Self {
-        Self::new(&probe(scene), scheme, scene.size(), seen(scene, size))
-    }
-
-    fn records(&self) -> &[Record] {
-        records(&self.cache)
-    }
-}
-
-fn records(cache: &Cache) -> &[Record] {
-    cache.level(0).unwrap().records()
-}
-
-fn probe(scene: &Scene) -> SceneProbe<'_> {
-    SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX })
-}
-
-/// The shading points of the camera's pixels in a scattered order.
-fn seen(scene: &Scene, size: [u32; 2]) -> Vec<(SurfacePoint, Appearance)> {
-    let mut pixels: Vec<u32> = (0..size[0] * size[1]).collect();
-    pixels.sort_by_cached_key(|p| hash(&[u64::from(*p)]));
-    let ray = |p: u32| {
-        let seed = hash(&[0, u64::from(p % size[0]), u64::from(p / size[0])]);
-        let sample = CameraSample::new(
-            &scene.cameras()[0],
-            [p % size[0], p / size[0]],
-            size,
-            seed,
-            0,
-            u32::MAX,
-        );
-        (sample.camera, sample.seed)
-    };
-    let rays: Vec<_> = pixels.into_iter().map(ray).collect();
-    PathTracer { scene, max_bounces: u32::MAX }.appearances(&rays).into_iter().flatten().collect()
-}
-
-/// With few rays: what is tested does not depend on their number.
-fn quick(preset: &str) -> Scheme {
-    let scheme = scheme(preset);
-    Scheme { rays: scheme.rays.min(128), ..scheme }
-}
 
 /// What the two conditions of full convergence say of a level, straight from the formulas.
 #[derive(Debug, Default)]
@@ -260,135 +184,6 @@ fn lookups_respect_each_record_s_own_error() {
     }
 }
 
-/// Light that is the same from every direction; how much there is depends on where it arrives.
-struct Field<F> {
-    radiance: F,
-    distance: f32,
-}
-
-impl<F: Fn(Vec3, u64) -> f32 + Sync> RadianceProbe for Field<F> {
-    fn incoming(&self, from: &SurfacePoint, _: u8, _: &dyn Deeper, bundle: &mut Bundle) {
-        for k in 0..bundle.len() {
-            bundle.radiance[k] =
-                Color::splat((self.radiance)(from.position, hash(&[bundle.seed, k as u64])));
-            bundle.distance[k] = self.distance;
-            bundle.normal[k] = -bundle.dir_local[k];
-            bundle.kind[k] = HitKind::Surface;
-        }
-    }
-}
-
-/// Points scattered over the square [-2, 2]² of a floor of reflectance 1/π, under direct light.
-fn floor(direct: f32) -> Vec<(SurfacePoint, Appearance)> {
-    let mut rng = Rng::new(9);
-    let template = seen(&build(own("cornell-box")), [1, 1])[0].0;
-    (0..40_000)
-        .map(|_| {
-            let position = Vec3::new(4.0 * rng.next_f32() - 2.0, 4.0 * rng.next_f32() - 2.0, 0.0);
-            let at = SurfacePoint {
-                position,
-                ng: Vec3::Z,
-                frame: Frame::from_normal(Vec3::Z),
-                footprint: 0.005,
-                ..template
-            };
-            (at, Appearance { reflectance: Color::splat(std::f32::consts::FRAC_1_PI), direct })
-        })
-        .collect()
-}
-
-#[test]
-fn records_are_small_at_a_step_and_large_away_from_it() {
-    let field = Field { radiance: |x: Vec3, _| if x.x < 0.1 { 1.0 } else { 2.0 }, distance: 1.0 };
-    let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(0.0));
-    let [near, far] = [0.0..0.05, 1.0..9.0].map(|distance: std::ops::Range<f32>| {
-        let chosen: Vec<f32> = r
-            .records()
-            .iter()
-            .filter(|x| distance.contains(&(x.position.x - 0.1).abs()))
-            .map(|x| x.error)
-            .collect();
-        chosen.iter().sum::<f32>() / chosen.len() as f32
-    });
-    assert!(near < 0.12 && far > 0.49, "mean a {near} at the step, {far} far from it");
-    assert!(r.records().len() > 2 * r.unrefined, "{} from {}", r.records().len(), r.unrefined);
-}
-
-#[test]
-fn strong_direct_light_makes_records_superfluous() {
-    let field = Field { radiance: |x: Vec3, _| 1.0 + 0.3 * (8.0 * x.x).sin(), distance: 1.0 };
-    let counts = [0.0, 5.0, 100.0].map(|direct| {
-        let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(direct));
-        r.records().len() - r.unrefined
-    });
-    // Against light that outshines it a hundred times no change of the field can be seen.
-    assert!(
-        2 * counts[0] > 3 * counts[1] && counts[1] > 0 && counts[2] == 0,
-        "{counts:?} more records"
-    );
-}
-
-#[test]
-fn the_allowance_for_noise_saves_most_records() {
-    // 128 rays of random radiance 0 or 2: the standard error of the irradiance is 9 %, far above
-    // what the eye could see if it were no noise.
-    let field =
-        Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
-    let without_gradient = |scheme| Scheme {
-        translational_gradient: TranslationalGradient::None,
-        gradient_clamp: false,
-        neighbour_clamp: false,
-        ..scheme
-    };
-    let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
-    let (before, after) = (r.unrefined, r.records().len());
-    // One standard error is allowed, so that some pairs of records still seem to differ. Without
-    // the allowance the same field is refined to the utmost.
-    struct Certain<P>(P);
-    impl<P: RadianceProbe> RadianceProbe for Certain<P> {
-        fn incoming(
-            &self,
-            from: &SurfacePoint,
-            level: u8,
-            deeper: &dyn Deeper,
-            bundle: &mut Bundle,
-        ) {
-            self.0.incoming(from, level, deeper, bundle);
-            let mean = bundle.radiance.iter().sum::<Color>() / bundle.len() as f32;
-            bundle.radiance.fill(mean);
-        }
-    }
-    let certain =
-        Refined::new(&Certain(field), without_gradient(quick("krivanek06")), 10.0, floor(0.0));
-    let certain = certain.records().len();
-    assert!(
-        before < after && 4 * after < certain,
-        "{before} records become {after}, and {certain} without the allowance"
-    );
-}
-
-#[test]
-fn light_through_a_slit() {
-    let scene = build(own("slit-light"));
-    let r = Refined::scene(
-        &scene,
-        Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") },
-        [160, 120],
-    );
-    // The floor below the panel; the middle of each edge of the band lies where half of the panel
-    // is seen, 0.36 m from the axis.
-    let mean = |range: std::ops::Range<f32>| {
-        let on_floor =
-            |x: &&Record| x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1;
-        let here =
-            r.records().iter().filter(on_floor).filter(|x| range.contains(&x.position.x.abs()));
-        let errors: Vec<f32> = here.map(|x| x.error).collect();
-        errors.iter().sum::<f32>() / errors.len() as f32
-    };
-    let (at_edge, away) = (mean(0.21..0.51), mean(0.8..1.9));
-    assert!(at_edge < 0.46 && away > 0.49, "mean a {at_edge} at the edges, {away} away from them");
-}
-
 /// CPU seconds of this thread.
 fn cpu_seconds() -> f64 {
     let u = getrusage(UsageWho::RUSAGE_THREAD).unwrap();
@@ -449,25 +244,6 @@ fn refinement_costs_little_beside_gathering() {
         100.0 * overhead
     );
     assert!(overhead < 0.10, "{overhead}");
-}
-
-#[test]
-fn no_record_misses_a_step() {
-    let scene = build(own("staircase-room"));
-    let r = Refined::scene(&scene, quick("krivanek06"), [160, 120]);
-    let missed = |records: &[Record]| {
-        let excess =
-            |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
-        records
-            .iter()
-            .flat_map(|a| records.iter().map(move |b| (a, b)))
-            .filter(|(a, b)| excess(a, b) > 1e-4 * a.length)
-            .count()
-    };
-    assert_eq!(missed(r.records()), 0, "records that missed a feature that their neighbours saw");
-    let free: Vec<Record> =
-        r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
-    assert!(missed(&free) > 0, "the test cannot fail");
 }
 
 /// The values of a layer of one channel.

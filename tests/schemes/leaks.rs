@@ -1,6 +1,6 @@
 //! Light must not pass through thin walls by way of the cache.
 
-use crate::schemes::presets::sectors;
+use crate::support::pictures::sectors;
 use crate::support::pictures::{build, cached, own, render, scheme};
 use lumicache::cache::Scheme;
 use lumicache::math::Color;

@@ -2,24 +2,23 @@
 //! and that they hold what they should.
 
 use crate::support::pictures::{
-    assert_alike, beauty, build, cached, fill, own, render, scheme, seen, settings,
+    assert_alike, beauty, build, cached, fill, own, render, scheme, sectors, seen, settings,
 };
 use lumicache::cache::{
-    Cache, Curve, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Level, LevelPoints, Metric,
-    PRESETS, Preset, Reach, Record, Scheme, Strata, Weight,
+    Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Preset, Reach, Record, Scheme, Weight,
 };
-use lumicache::gather::{Bundle, Deeper, RadianceProbe, TranslationalGradient};
+use lumicache::gather::{Bundle, Deeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
-use lumicache::math::{Affine3A, Color, Frame, Vec2, Vec3};
+use lumicache::math::{Color, Frame, Vec2, Vec3};
 use lumicache::progress::Progress;
 use lumicache::render::{IntegratorKind, Settings};
 use lumicache::sampling::{Rng, square_to_cosine_hemisphere, square_to_disk};
-use lumicache::scene::{Scene, SceneData};
+use lumicache::scene::Scene;
 
 const SIZE: [u32; 2] = [48, 64];
 
 /// Ten steps: small features beside large flat ones. And what the camera sees of them.
-fn staircase(round: usize) -> (Scene, LevelPoints) {
+pub fn staircase(round: usize) -> (Scene, LevelPoints) {
     let scene = build(own("staircase"));
     let points = seen(&scene, &scene.cameras()[0], SIZE, 0);
     assert!(points.len() > 2000);
@@ -27,7 +26,7 @@ fn staircase(round: usize) -> (Scene, LevelPoints) {
 }
 
 /// With few rays: what is tested here does not depend on their number.
-fn quick(scheme: Scheme) -> Scheme {
+pub fn quick(scheme: Scheme) -> Scheme {
     Scheme { rays: scheme.rays.min(64), ..scheme }
 }
 
@@ -38,25 +37,7 @@ fn all() -> Vec<(&'static str, Scheme)> {
     presets.chain([("sectors", sectors())]).collect()
 }
 
-/// The default preset with sectors from the Hessian in the place of its discs.
-pub fn sectors() -> Scheme {
-    Scheme {
-        strata: Strata::Concentric,
-        metric: Metric::Hessian,
-        error_measure: ErrorMeasure::Total,
-        footprint: FootprintKind::Sectors,
-        kernel: Kernel::Schwarzhaupt,
-        normal_limit: 0.2,
-        error: 1e-5,
-        translational_gradient: TranslationalGradient::Triangulated,
-        extrapolation: Extrapolation::Second,
-        nearest_fraction: 0.0,
-        neighbour_clamp: false,
-        ..Preset::by_name("auto").unwrap().scheme()
-    }
-}
-
-fn first(cache: &Cache) -> &Level {
+pub fn first(cache: &Cache) -> &Level {
     cache.level(0).unwrap()
 }
 
@@ -370,88 +351,6 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
             }
         }
         assert!(found > 500, "{}: only {found} points had records", name);
-    }
-}
-
-/// The scene `factor` times as large.
-fn scaled(mut data: SceneData, factor: f32) -> SceneData {
-    for instance in &mut data.geometry.instances {
-        instance.to_world = Affine3A::from_scale(Vec3::splat(factor)) * instance.to_world;
-    }
-    data.cameras.iter_mut().for_each(|c| c.to_world.translation *= factor);
-    data
-}
-
-#[test]
-fn the_unit_of_length_does_not_matter() {
-    for preset in ["ward-heckbert92", "jarosz12", "schwarzhaupt12"] {
-        scaled_pictures(preset);
-    }
-}
-
-fn scaled_pictures(preset: &str) {
-    let shot = |factor: f32| {
-        let scene = build(scaled(own("cornell-box"), factor));
-        let frame = render(&scene, &cached(&scene, preset, [64, 64], 4));
-        let cache = frame.cache.as_ref().unwrap();
-        let records: usize =
-            (0..cache.level_count()).map(|k| cache.level(k).unwrap().records().len()).sum();
-        (records as f32, beauty(&frame))
-    };
-    let (records, picture) = shot(1.0);
-    for factor in [1000.0, 0.001] {
-        let (scaled_records, scaled_picture) = shot(factor);
-        // The random numbers are others, since they belong to positions; so the numbers of records
-        // differ a little, too.
-        assert!(
-            (scaled_records / records - 1.0).abs() < 0.03,
-            "{preset}: {records} records, and {scaled_records} at scale {factor}"
-        );
-        assert_alike(
-            &format!("{preset}, scale {factor}"),
-            &scaled_picture,
-            &picture,
-            0.0,
-            5e-4,
-            0.006,
-        );
-    }
-}
-
-#[test]
-fn the_unit_of_light_does_not_matter() {
-    let (scene, points) = staircase(0);
-    let brighter = |factor: f32| {
-        let mut data = own("staircase");
-        data.materials.iter_mut().for_each(|m| m.emission *= factor);
-        assert!(data.punctual.is_empty() && data.environment.is_none());
-        build(data)
-    };
-    for preset in PRESETS {
-        let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
-        // A power of two changes no rounding; 100 changes at worst a decision that was undecided
-        // before.
-        for (factor, tolerance) in [(128.0, 0.0), (100.0, 0.01)] {
-            let (other, _) = fill(&brighter(factor), quick(preset.scheme()), &points);
-            let (a, b) = (first(&cache).records(), first(&other).records());
-            assert!(
-                a.len().abs_diff(b.len()) as f32 <= tolerance * a.len() as f32,
-                "{}: {} and {}",
-                preset.name,
-                a.len(),
-                b.len()
-            );
-            if tolerance == 0.0 {
-                for (a, b) in a.iter().zip(b) {
-                    assert_eq!(
-                        (a.position, a.length, factor * a.irradiance),
-                        (b.position, b.length, b.irradiance),
-                        "{}",
-                        preset.name
-                    );
-                }
-            }
-        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Light from one glossy surface on another: the change of radiance with the point it is seen from,
 //! as records have it, against differences of dense gathers; pictures with and without it.
 
-use crate::numeric::radiance::{layer, norm, off};
+use crate::numeric::radiance::{norm, off};
+use crate::schemes::glossy::layer;
 use crate::support::pictures::{build, cached, difference, own, render, settings};
 use lumicache::accel::Ray;
 use lumicache::basis::{Basis, BasisKind, Sh};

@@ -1,34 +1,11 @@
 //! What the statistical tests of the BSDFs share: a collection of surfaces, random numbers,
 //! quadrature over the sphere.
 
+use lumicache::basis::{Basis, LANES, Lane, gauss_legendre};
 use lumicache::geometry::SurfacePoint;
 use lumicache::material::{Bsdf, LafortuneLobe, Material, NativeBrdf};
-use lumicache::math::{Color, Frame, Vec2, Vec3};
-use std::f64::consts::PI;
-
-/// SplitMix64 [Steele14], enough for tests.
-pub struct Rng(pub u64);
-
-impl Rng {
-    /// Uniform in [0, 1), 24 bits.
-    pub fn f32(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 * (1.0 / 16_777_216.0)
-    }
-
-    /// Uniform in [0, 1)².
-    pub fn vec2(&mut self) -> Vec2 {
-        Vec2::new(self.f32(), self.f32())
-    }
-
-    /// A uniform direction of the sphere.
-    pub fn direction(&mut self) -> Vec3 {
-        let z = 1.0 - 2.0 * self.f32();
-        direction(f64::from(z).acos(), 2.0 * PI * f64::from(self.f32()))
-    }
-}
+use lumicache::math::{Color, Frame, Vec3};
+use std::f64::consts::{PI, TAU};
 
 /// The unit vector with polar angle `theta` from z and azimuth `phi`.
 pub fn direction(theta: f64, phi: f64) -> Vec3 {
@@ -287,4 +264,28 @@ pub fn cells(nt: usize, ns: usize) -> impl Iterator<Item = [f64; 4]> {
 pub fn axis_of(b: &Bsdf, wo: Vec3) -> Vec3 {
     let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
     if b.f(wo, mirror).max_element() > 0.0 { mirror } else { Vec3::Z }
+}
+
+/// All basis functions at `w`.
+pub fn values(basis: &dyn Basis, w: Vec3) -> Vec<f32> {
+    let mut out = vec![Lane::default(); basis.count()];
+    basis.values(&[w; LANES], &mut out);
+    out.iter().map(|v| v[0]).collect()
+}
+
+/// Directions of the hemisphere with their solid angles.
+pub fn hemisphere() -> Vec<(Vec3, f64)> {
+    let columns = 160;
+    let mut nodes = Vec::new();
+    for (z, weight) in gauss_legendre(80, 0.0, 1.0) {
+        for k in 0..columns {
+            let (s, c) = (TAU * (k as f64 + 0.37) / columns as f64).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            nodes.push((
+                Vec3::new((r * c) as f32, (r * s) as f32, z as f32),
+                weight * TAU / columns as f64,
+            ));
+        }
+    }
+    nodes
 }

@@ -1,10 +1,14 @@
 //! Pictures made inside the tests: scenes, frames, and the evidence left behind when one is wrong.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
+use lumicache::cache::{
+    Cache, ErrorMeasure, Extrapolation, FillStats, FootprintKind, Kernel, LevelPoints, Metric,
+    Preset, Scheme, Strata,
+};
 use lumicache::camera::Camera;
 use lumicache::compare::{Options, Report, compare};
 use lumicache::film::LAYERS;
+use lumicache::gather::TranslationalGradient;
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::import;
@@ -201,4 +205,22 @@ pub fn assert_alike(
         })
         .collect();
     panic!("{measured}\nsee {}", files.join("\n    "));
+}
+
+/// The default preset with sectors from the Hessian in the place of its discs.
+pub fn sectors() -> Scheme {
+    Scheme {
+        strata: Strata::Concentric,
+        metric: Metric::Hessian,
+        error_measure: ErrorMeasure::Total,
+        footprint: FootprintKind::Sectors,
+        kernel: Kernel::Schwarzhaupt,
+        normal_limit: 0.2,
+        error: 1e-5,
+        translational_gradient: TranslationalGradient::Triangulated,
+        extrapolation: Extrapolation::Second,
+        nearest_fraction: 0.0,
+        neighbour_clamp: false,
+        ..Preset::by_name("auto").unwrap().scheme()
+    }
 }

@@ -2,7 +2,7 @@
 //! need it say so and pass.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Says on stderr that the calling test is skipped, past libtest, which shows what a test prints
 /// only when it fails.
@@ -21,4 +21,22 @@ pub fn find(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(root).join(name);
     assert!(path.exists(), "LUMICACHE_TEST_DATA is set but {} is missing", path.display());
     Some(path)
+}
+
+/// Every glTF file below `folder`, in order.
+pub fn gltf_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "gltf" || e == "glb") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
 }
