@@ -2,6 +2,7 @@
 //! densities and inverses.
 
 mod sampler;
+pub mod stream;
 mod warp;
 
 pub use sampler::Sampler;
