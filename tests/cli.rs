@@ -4,8 +4,8 @@
 use crate::desk::{Desk, QUICK, scene, text};
 use crate::gltf_maker::Gltf;
 use lumicache::compare::{Options, compare};
-use lumicache::imagefile::exr::{self, Attribute, Channel, Crop, Layers, SampleKind};
 use lumicache::imagefile::ldr;
+use lumicache::imagefile::{Attribute, Channel, Crop, Picture, SampleKind, exr};
 use serde_json::{Value, json};
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
@@ -15,20 +15,20 @@ use std::time::{Duration, Instant};
 /// A render that nobody waits for.
 const ENDLESS: &[&str] = &["--size", "640x480", "--spp", "1000000"];
 
-fn mean(layers: &Layers, channel: &str) -> f32 {
+fn mean(layers: &Picture, channel: &str) -> f32 {
     let samples =
         &layers.channel(channel).unwrap_or_else(|| panic!("there is no channel {channel}")).samples;
     samples.iter().sum::<f32>() / samples.len() as f32
 }
 
-fn names(layers: &Layers) -> Vec<&str> {
+fn names(layers: &Picture) -> Vec<&str> {
     layers.channels.iter().map(|c| c.name.as_str()).collect()
 }
 
 #[test]
 fn a_sky_lights_the_scene() {
     let desk = Desk::new();
-    let mean = |image: &Layers| image.channel("R").unwrap().samples.iter().sum::<f32>();
+    let mean = |image: &Picture| image.channel("R").unwrap().samples.iter().sum::<f32>();
     let dim = desk.render(
         "curved-spheres",
         &["--sky", "overcast,elevation=30", "--light-units", "radiometric"],
@@ -255,7 +255,7 @@ fn aov_chooses_the_layers() {
             );
         }
     }
-    let kind = |layers: &Layers, name: &str| layers.channel(name).map(|c| c.kind);
+    let kind = |layers: &Picture, name: &str| layers.channel(name).map(|c| c.kind);
     assert_eq!(
         (kind(&basic, "R"), kind(&basic, "N.X"), kind(&basic, "Z")),
         (Some(SampleKind::Half), Some(SampleKind::Half), Some(SampleKind::Float))
@@ -408,7 +408,7 @@ fn the_environment_is_scaled_and_turned() {
         .to_vec();
     exr::write(
         &desk.path("sky.exr"),
-        &Layers { width: 8, height: 4, channels, ..Layers::default() },
+        &Picture { width: 8, height: 4, channels, ..Picture::default() },
     )
     .unwrap();
     let shot = |more: &[&str]| {

@@ -12,8 +12,7 @@ use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::gather::{Density, HemisphereSamples, Layout, NoDeeper};
 use crate::geometry::SurfacePoint;
-use crate::imagefile::exr::{self, Attribute, Channel, Layers, SampleKind};
-use crate::imagefile::ldr;
+use crate::imagefile::{Attribute, Picture, SampleKind, exr, ldr};
 use crate::math::{Color, luminance};
 use crate::progress::{Phase, Progress};
 use crate::render::{Caches, Gloss, Job, Settings, Spot, camera_sample, pixel_order};
@@ -194,7 +193,8 @@ pub fn run(
         noise_rmse,
         rows: Vec::new(),
     };
-    let brightness = colors(&reference);
+    // Black where a channel is missing, which the comparison will complain of.
+    let brightness = reference.colors("").unwrap_or_default();
     let mean = brightness.iter().map(|c| luminance(*c)).sum::<f32>() / points.max(1) as f32;
     let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
     experiment.picture(&folder.join("reference.png"), &brightness, exposure)?;
@@ -284,7 +284,7 @@ impl Attempt {
 
 impl Experiment<'_> {
     /// Irradiance at each pixel by `rays` rays in two halves, whose difference tells the noise.
-    fn reference(&self, rays: u32) -> Result<Layers> {
+    fn reference(&self, rays: u32) -> Result<Picture> {
         let half = |number: u64| {
             self.progress.start(Phase::Fill, self.seen.len() as u64);
             let gather =
@@ -446,23 +446,12 @@ impl Experiment<'_> {
     }
 
     /// Colours as a picture whose alpha says where there is a shading point.
-    fn layers(&self, pixels: &[Color]) -> Layers {
-        let channel =
-            |name: &str, samples| Channel { name: name.into(), kind: SampleKind::Float, samples };
-        let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
+    fn layers(&self, pixels: &[Color]) -> Picture {
         let alpha = self.seen.iter().map(|s| f32::from(u8::from(s.is_some()))).collect();
-        let channels = vec![
-            channel("R", color(0)),
-            channel("G", color(1)),
-            channel("B", color(2)),
-            channel("A", alpha),
-        ];
-        Layers {
-            width: self.settings.size[0],
-            height: self.settings.size[1],
-            channels,
-            ..Layers::default()
-        }
+        let mut picture = Picture::new(self.settings.size);
+        picture.add_colors("", SampleKind::Float, pixels);
+        picture.add("A", SampleKind::Float, alpha);
+        picture
     }
 
     fn picture(&self, path: &Path, pixels: &[Color], exposure: f32) -> Result<()> {
@@ -473,13 +462,6 @@ impl Experiment<'_> {
             &ldr::to_srgb8(pixels, exposure),
         )
     }
-}
-
-/// The colours of a reference; black where a channel is missing, which comparing will complain of.
-fn colors(layers: &Layers) -> Vec<Color> {
-    let plane = |name: &str| layers.channel(name).map(|c| c.samples.as_slice()).unwrap_or_default();
-    let [r, g, b] = ["R", "G", "B"].map(plane);
-    r.iter().zip(g).zip(b).map(|((r, g), b)| Color::new(*r, *g, *b)).collect()
 }
 
 impl Report {

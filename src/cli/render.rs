@@ -15,7 +15,7 @@ use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::{
     self, Clock, Facts, Frame, IntegratorKind, Selection, Settings,
-    display::{Display, Tile},
+    viewer::{Display, Tile},
 };
 use lumicache::scene::Scene;
 use serde_json::Value;
