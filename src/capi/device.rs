@@ -10,8 +10,13 @@ use crate::accel::{Accel, Backend};
 use crate::error::Error;
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
+use crate::material::tables::TableStore;
 use std::ffi::{CStr, c_char, c_void};
+use std::path::PathBuf;
 use std::sync::Arc;
+
+/// The environment variable that names the folder of tables where the host names none.
+const TABLES: &str = "LUMICACHE_TABLES";
 
 /// A device.
 pub(super) struct DeviceObject {
@@ -20,6 +25,8 @@ pub(super) struct DeviceObject {
     pub backend: Backend,
     /// Name and version of the ray tracer.
     pub backend_version: String,
+    /// Where tabulated lobes are kept between runs.
+    pub tables: TableStore,
 }
 
 impl DeviceObject {
@@ -53,6 +60,7 @@ pub(super) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
 
 fn new_device(config: &str) -> Outcome<DeviceObject> {
     let (mut threads, mut wanted) = (0_usize, None);
+    let mut tables = std::env::var_os(TABLES);
     for item in config.split(',').map(str::trim).filter(|i| !i.is_empty()) {
         let (key, value) = item.split_once('=').unwrap_or((item, ""));
         match key.trim() {
@@ -64,9 +72,10 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
                 })?;
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
+            "tables" => tables = Some(value.trim().into()),
             _ => {
                 return Err(Fault::argument(format!(
-                    "config: there is no `{key}`; there are threads and backend"
+                    "config: there is no `{key}`; there are threads, backend and tables"
                 )));
             }
         }
@@ -74,7 +83,10 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
     let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
-    Ok(DeviceObject { touched, pool: pool(threads, "lumicache")?, backend, backend_version })
+    let pool = pool(threads, "lumicache")?;
+    let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
+    let tables = TableStore::new(folder);
+    Ok(DeviceObject { touched, pool, backend, backend_version, tables })
 }
 
 /// The version of the ABI that the library has, as LUMI_ABI_VERSION of its header.
@@ -113,7 +125,9 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the
 /// library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
 /// `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
-/// starts). `out`: receives the device, NULL on failure.
+/// starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
+/// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`).
+/// `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]

@@ -152,6 +152,7 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     let (hashes, hash) = (data.hashes(), data.hash());
     let (scene, warnings) = Scene::new(data, device.backend)?;
     warnings.iter().for_each(|w| device.warn(w));
+    let scene = scene.with_tables(device.tables.clone());
     Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
 }
 

@@ -6,6 +6,7 @@ mod render;
 mod report;
 mod sequence;
 mod show;
+mod tables;
 mod terminal;
 
 use args::{Arguments, Bench, Command};

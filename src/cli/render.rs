@@ -1,6 +1,7 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
+use super::tables::tables;
 use super::terminal::{Bar, cancel_on_interrupt};
 use super::{Outcome, sequence};
 use lumicache::accel::Backend;
@@ -15,7 +16,7 @@ use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::{
     self, Clock, Facts, Frame, IntegratorKind, Selection, Settings,
-    display::{Display, Tile},
+    viewer::{Display, Tile},
 };
 use lumicache::scene::Scene;
 use serde_json::Value;
@@ -142,6 +143,7 @@ fn load<'a>(
     clock.start(Phase::Build);
     progress.start(Phase::Build, 0);
     let (scene, warnings) = Scene::new(data, backend)?;
+    let scene = scene.with_tables(tables());
     let camera =
         camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let settings = settings(arguments, scheme, camera)?;

@@ -4,6 +4,7 @@ use super::Outcome;
 use super::args::Report;
 use super::render::{camera, parse_size, threads};
 use super::show::print;
+use super::tables::tables;
 use super::terminal::{Bar, cancel_on_interrupt};
 use lumicache::accel::Backend;
 use lumicache::bench::experiment::{self, Plan, variant};
@@ -44,6 +45,7 @@ fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::R
         data.environment = Some(import::environment(map, 0.0, 1.0)?);
     }
     let (scene, _) = Scene::new(data, Backend::default())?;
+    let scene = scene.with_tables(tables());
     let camera =
         camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
     let size = match &arguments.size {

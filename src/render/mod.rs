@@ -1,17 +1,16 @@
 //! A frame from scene to files: fill, tiles, passes, threads; then layers, preview and statistics.
 
-pub mod display;
-
 mod caches;
 mod clock;
 mod frame;
 mod output;
-mod records;
+mod overlay;
 mod refine;
 mod selection;
 mod sequence;
 mod settings;
 mod stats;
+pub mod viewer;
 mod visible;
 
 pub use caches::{Caches, Gloss, Job, Spot};

@@ -6,6 +6,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::geometry::{Aabb, Geometry, SurfacePoint, interpolate, offset_origin};
 use crate::light::{Emitter, EnvironmentMap, LightSample, Lights};
+use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
 use crate::sampling::{hash, unit_f32};
@@ -23,6 +24,7 @@ pub struct Scene {
     /// For each material: rays may pass through it by its alpha.
     see_through: Vec<bool>,
     any_see_through: bool,
+    tables: TableStore,
 }
 
 /// Layers of alpha that one ray passes before it is taken to be blocked.
@@ -72,8 +74,20 @@ impl Scene {
             bounds,
             see_through,
             any_see_through,
+            tables: TableStore::default(),
         };
         Ok((scene, warnings))
+    }
+
+    /// The scene with its materials' tables kept in `tables` between runs; without this call they
+    /// live in memory alone.
+    pub fn with_tables(self, tables: TableStore) -> Self {
+        Self { tables, ..self }
+    }
+
+    /// Where the tables of the materials are kept.
+    pub fn tables(&self) -> &TableStore {
+        &self.tables
     }
 
     /// Meshes and instances.
