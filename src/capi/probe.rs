@@ -5,14 +5,9 @@ use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
 use crate::geometry::{SurfacePoint, offset_origin};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
-use crate::sampling::{hash, square_to_cosine_hemisphere, unit_f32};
-
-/// Paths this short are never ended by Russian roulette.
-const ROULETTE_AFTER: u32 = 4;
-/// Highest probability of survival in Russian roulette.
-const MAX_SURVIVAL: f32 = 0.95;
-/// A bound on unlimited paths.
-const LONGEST_PATH: u32 = 256;
+use crate::sampling::{
+    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, unit_f32,
+};
 
 /// Sees what the host's tracer shows, and goes on behind it where no cache knows the indirect
 /// light.
