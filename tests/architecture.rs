@@ -29,6 +29,7 @@ const ORDER: &[&str] = &[
     "cache",
     "transport",
     "film",
+    "hosted",
     "import",
     "render",
     "compare",
