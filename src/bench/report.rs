@@ -16,7 +16,7 @@ use crate::imagefile::exr::{self, Attribute, Channel, Layers, SampleKind};
 use crate::imagefile::ldr;
 use crate::math::{Color, luminance};
 use crate::progress::{Phase, Progress};
-use crate::render::{Caches, Gloss, Job, Settings, Spot, camera_sample, pixel_order};
+use crate::render::{Caches, FillJob as Job, Gloss, Settings, Spot, camera_sample, pixel_order};
 use crate::sampling::hash;
 use crate::scene::Scene;
 use crate::transport::{PathTracer, SceneProbe};
