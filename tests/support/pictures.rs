@@ -13,7 +13,7 @@ use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::import;
 use lumicache::progress::Progress;
-use lumicache::render::{Clock, Frame, IntegratorKind, Settings, frame};
+use lumicache::render::{Frame, IntegratorKind, Job, Settings};
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
 use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
@@ -73,10 +73,10 @@ pub fn cached(scene: &Scene, preset: &str, size: [u32; 2], spp: u32) -> Settings
 
 /// Renders.
 pub fn render(scene: &Scene, settings: &Settings) -> Frame {
-    frame(scene, settings, &Progress::default(), &mut Clock::default(), &mut |_, _| ()).unwrap()
+    Job::with_settings(scene, settings.clone()).run().unwrap().frame
 }
 
-/// The surface points at the first sample of each pixel, from which [`frame`] fills the first
+/// The surface points at the first sample of each pixel, from which [`render`] fills the first
 /// level, row by row.
 pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<SurfacePoint> {
     let tracer = PathTracer { scene, max_bounces: u32::MAX };
