@@ -1,15 +1,15 @@
 //! Building: the records that seed points need.
 
+use super::abi::{lumi_cache, lumi_query, read};
 use super::cache::{CacheObject, Settings};
-use super::host::{Exchange, Host};
-use super::probe::HostProbe;
+use super::handles::borrow;
 use super::query::Points;
 use super::scene::World as Kind;
-use super::status::{Fault, Outcome};
-use crate::cache::{Appearances, Cache, FillPlan, FillReport, ShadingPoint, World, scattered};
+use super::status::{Fault, Outcome, guard, lumi_error};
+use crate::cache::{Cache, FillPlan, FillReport, ShadingPoint, scattered};
 use crate::error::Error;
-use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
+use crate::hosted::{Exchange, Host};
 use crate::progress::Progress;
 use crate::render::Caches;
 use crate::scene::Scene;
@@ -23,7 +23,7 @@ type Built = (Cache, Option<Arc<GlossyLobes>>);
 
 impl CacheObject {
     /// Fills all levels, deepest first, with what `points` need on the first.
-    pub fn build(&self, points: &Points) -> Outcome {
+    fn build(&self, points: &Points) -> Outcome {
         let started = Instant::now();
         let (settings, snapshot) = (self.settings(), self.live.snapshot());
         let progress = Progress::default();
@@ -125,7 +125,7 @@ impl CacheObject {
         exchange: &Exchange,
         progress: &Progress,
     ) -> Outcome<Built> {
-        let world = HostWorld { probe: self.host_probe(host, exchange, progress)? };
+        let world = self.host_probe(host, exchange, progress)?;
         let wanted = |(number, at): (u32, &SurfacePoint)| ShadingPoint {
             number,
             point: *at,
@@ -150,33 +150,25 @@ impl Settings {
     }
 }
 
-/// The scene of a host as the world of a cache.
-struct HostWorld<'a> {
-    probe: HostProbe<'a>,
-}
-
-impl World for HostWorld<'_> {
-    fn probe(&self) -> &dyn RadianceProbe {
-        &self.probe
-    }
-
-    fn next_points(
-        &self,
-        before: &[SurfacePoint],
-        level: u8,
-        _: bool,
-        count: usize,
-        seed: u64,
-    ) -> Vec<(SurfacePoint, u8)> {
-        // All bounces are in what a host may answer: there are no deeper levels then.
-        if self.probe.host.is_full() {
-            return Vec::new();
-        }
-        let found = self.probe.next_points(before, count, u32::from(level), seed);
-        found.into_iter().map(|point| (point, 0)).collect()
-    }
-
-    fn appearances(&self, _: &[ShadingPoint], _: bool) -> Option<Appearances<'_>> {
-        None
-    }
+/// Makes records until every seed point is covered; records of deeper bounces come first. Where
+/// seeds have `wo`, and scene and preset have a use for them, radiance records are made beside the
+/// others, for glossy lobes that harmonics represent. Presets that refine records refine them in
+/// scenes of our own. Records that the cache has already are kept. The same settings, points and
+/// calls give the same records, bit for bit, on any number of threads. After a failure, and when
+/// cancelled, the cache is as before.
+///
+/// `seeds`: positions, normals, wo and footprints are read, nothing is written.
+///
+/// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_build(
+    cache: lumi_cache,
+    seeds: *const lumi_query,
+) -> lumi_error {
+    guard("lumi_cache_build", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        let points = Points::new(&read(seeds, "the query")?, &cache)?;
+        let _alone = cache.change()?;
+        cache.build(&points)
+    })
 }

@@ -6,7 +6,7 @@ use crate::cache::{RadianceBands, Scheme};
 use crate::gather::{Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
-use crate::material::tables::{GlossyTables, TableSettings, TableStore};
+use crate::material::tables::{GlossyTables, TableSettings};
 use crate::math::{Color, INV_PI, Vec3, luminance};
 use crate::scene::Scene;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ impl GlossyLobes {
             whole: scheme.radiance_diffuse,
             forced: scheme.radiance_bands == RadianceBands::All,
         };
-        let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
+        let tables = GlossyTables::new(scene.materials(), wanted, scene.tables());
         if tables.is_empty() && !scheme.radiance_diffuse {
             return None;
         }
