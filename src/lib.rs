@@ -15,6 +15,7 @@
 pub mod error;
 pub mod progress;
 pub mod fsutil;
+pub mod words;
 pub mod math;
 #[allow(unsafe_code, reason = "the one place, with capi, where foreign functions are called")]
 pub mod ffi;

@@ -1,13 +1,13 @@
 //! Adaptive caching: the two conditions of full convergence, what the allowed errors follow, and
 //! what it costs.
 
-use crate::pictures::{build, cached, own, render, scheme};
+use crate::pictures::{build, cached, one_level, own, render, scheme, with, with_rays};
 use lumicache::cache::{
-    Appearance, Cache, FillStats, LevelPoints, Reach, Record, Refinement, Scheme,
+    Appearance, Cache, Clamping, FillStats, LevelPoints, Reach, Record, RefinementRule, Scheme,
 };
 use lumicache::film::LAYERS;
 use lumicache::gather::{
-    Bundle, Deeper, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
+    Bundle, Deeper, Density, HemisphereSamples, HitKind, RadianceProbe, TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Frame, Vec3, luminance};
@@ -37,7 +37,7 @@ impl Refined {
         scene_size: f32,
         seen: Vec<(SurfacePoint, Appearance)>,
     ) -> Self {
-        let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene_size);
+        let mut cache = Cache::new(one_level(scheme), u32::MAX, scene_size);
         let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
         let points = LevelPoints { points, round: 0 };
         let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
@@ -87,8 +87,7 @@ fn seen(scene: &Scene, size: [u32; 2]) -> Vec<(SurfacePoint, Appearance)> {
 
 /// With few rays: what is tested does not depend on their number.
 fn quick(preset: &str) -> Scheme {
-    let scheme = scheme(preset);
-    Scheme { rays: scheme.rays.min(128), ..scheme }
+    with_rays(scheme(preset), 128)
 }
 
 /// What the two conditions of full convergence say of a level, straight from the formulas.
@@ -104,7 +103,7 @@ struct Verdict {
 fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) -> Verdict {
     let scheme = cache.scheme();
     let reach = Reach::new(scheme, 0, cache.scene_size(), 1.0);
-    let tolerance = scheme.in_front_test.then_some(1e-4 * cache.scene_size());
+    let tolerance = 1e-4 * cache.scene_size();
     let mut verdict = Verdict::default();
     for (at, look) in points.iter().zip(appearance) {
         let mut valid = Vec::new();
@@ -113,13 +112,13 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
             if (at.position - r.position).length() > radius {
                 continue;
             }
-            let share = r.error / scheme.error;
+            let share = r.error / scheme.validity.error;
             if let Some(e) = r.error_at(&reach, at, tolerance).filter(|e| *e < share) {
-                let weight = scheme.weight.at(e / share, 1.0 / share);
+                let weight = scheme.validity.weight.at(e / share, 1.0 / share);
                 let light = luminance(look.reflectance * r.irradiance_at(&reach, at));
                 // The floor: a_min, or where the record is as wide as pixels allow.
-                let floor = (scheme.error_min / scheme.error)
-                    .max(scheme.min_pixels * r.footprint / radius)
+                let floor = (scheme.error_min() / scheme.validity.error)
+                    .max(scheme.radius.min_pixels * r.footprint / radius)
                     .min(1.0);
                 valid.push((
                     weight,
@@ -148,15 +147,23 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
                 let (without, other) = mean(k);
                 // Rounding may tip what is undecided.
                 (all - without).abs()
-                    > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
+                    > 1.0001
+                        * (scheme.refinement.unwrap_or_default().contrast * (all + look.direct)
+                            + sigma.max(other))
             })
             .collect();
         let nearest = (0..valid.len()).max_by(|a, b| valid[*a].0.total_cmp(&valid[*b].0)).unwrap();
-        let spared = |k: usize| k == nearest && scheme.refinement == Refinement::WeberNearest;
+        let spared = |k: usize| {
+            k == nearest
+                && scheme.refinement.is_some_and(|r| r.rule == RefinementRule::WeberNearest)
+        };
         // The nearest one may differ alone: then another must go that differs from it.
         let apart = |k: usize| {
             let (a, b) = (&valid[k], &valid[nearest]);
-            (a.1 - b.1).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + a.2.max(b.2))
+            (a.1 - b.1).abs()
+                > 1.0001
+                    * (scheme.refinement.unwrap_or_default().contrast * (all + look.direct)
+                        + a.2.max(b.2))
         };
         let removable = |k: usize| {
             valid[k].3
@@ -201,14 +208,14 @@ fn levels_converge_fully() {
             assert!(stats.passes <= 15 && stats.reductions > 0, "{name}, {preset}: {stats:?}");
             // Before refinement the conditions do not hold: the test can fail.
             let points = LevelPoints { points: r.points.clone(), round: 0 };
-            let mut cache =
-                Cache::new(Scheme { levels: 1, ..quick(preset) }, u32::MAX, scene.size());
+            let mut cache = Cache::new(one_level(quick(preset)), u32::MAX, scene.size());
             cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
             assert!(verdict(&cache, &r.points, &r.appearance).visible > 20, "{name}, {preset}");
             for record in r.records() {
                 let scheme = r.cache.scheme();
                 assert!(
-                    record.error >= 0.9999 * scheme.error_min && record.error <= scheme.error,
+                    record.error >= 0.9999 * scheme.error_min()
+                        && record.error <= scheme.validity.error,
                     "{record:?}"
                 );
             }
@@ -227,11 +234,10 @@ fn lookups_respect_each_record_s_own_error() {
         for at in &r.points {
             let (mut sum, mut weights, mut allowed, mut count) = (Color::ZERO, 0.0, 0.0, 0);
             for x in r.records() {
-                let share = x.error / scheme.error;
-                if let Some(e) =
-                    x.error_at(&reach, at, Some(1e-4 * scene.size())).filter(|e| *e < share)
+                let share = x.error / scheme.validity.error;
+                if let Some(e) = x.error_at(&reach, at, 1e-4 * scene.size()).filter(|e| *e < share)
                 {
-                    let w = scheme.weight.at(e / share, 1.0 / share);
+                    let w = scheme.validity.weight.at(e / share, 1.0 / share);
                     sum += w * x.irradiance_at(&reach, at);
                     weights += w;
                     allowed += w * x.error;
@@ -334,11 +340,10 @@ fn the_allowance_for_noise_saves_most_records() {
     // what the eye could see if it were no noise.
     let field =
         Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
-    let without_gradient = |scheme| Scheme {
-        translational_gradient: TranslationalGradient::None,
-        gradient_clamp: false,
-        neighbour_clamp: false,
-        ..scheme
+    let without_gradient = |scheme| {
+        with(scheme, |s| {
+            (s.gather.gradient, s.clamping) = (TranslationalGradient::None, Clamping::None);
+        })
     };
     let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
     let (before, after) = (r.unrefined, r.records().len());
@@ -372,7 +377,7 @@ fn light_through_a_slit() {
     let scene = build(own("slit-light"));
     let r = Refined::scene(
         &scene,
-        Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") },
+        with(scheme("krivanek06"), |s| (s.gather.rays, s.radius.min_pixels) = (512, 0.0)),
         [160, 120],
     );
     // The floor below the panel; the middle of each edge of the band lies where half of the panel
@@ -435,7 +440,7 @@ fn refinement_costs_little_beside_gathering() {
             Field { radiance: |_, _| 1.0, distance: 1.0 },
             Reach::new(idle.scheme(), 0, scene.size(), 1.0),
         );
-        let mut samples = HemisphereSamples::new(idle.scheme().layout(0), idle.scheme().density);
+        let mut samples = HemisphereSamples::new(idle.scheme().layout(0), Density::Cosine);
         for at in &first.points[..256] {
             samples.gather(&constant, at, 0, &idle, 0);
             std::hint::black_box(Record::new(idle.scheme(), &reach, at, &samples, None));
@@ -480,7 +485,7 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
     let scene = build(own("slit-light"));
     let a = |preset: &str| {
         let mut settings = cached(&scene, preset, [64, 48], 2);
-        settings.scheme.rays = 256;
+        settings.scheme.gather.rays = 256;
         let picture = render(&scene, &settings);
         let answered = layer(&picture, "gi.records");
         let a: Vec<f32> = layer(&picture, "gi.a")
@@ -493,11 +498,14 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
         (a, settings.scheme)
     };
     let (constant, scheme) = a("ward-heckbert92");
-    assert!(constant.iter().all(|a| (a - scheme.error).abs() < 1e-5), "{constant:?}");
+    assert!(constant.iter().all(|a| (a - scheme.validity.error).abs() < 1e-5), "{constant:?}");
     let (map, scheme) = a("krivanek06");
     let (least, most) =
         map.iter().fold((f32::INFINITY, 0.0_f32), |(l, m), a| (l.min(*a), m.max(*a)));
-    assert!(least >= 0.999 * scheme.error_min && most <= 1.001 * scheme.error, "{least} to {most}");
+    assert!(
+        least >= 0.999 * scheme.error_min() && most <= 1.001 * scheme.validity.error,
+        "{least} to {most}"
+    );
     assert!(least < 0.5 * most, "{least} to {most}");
 }
 
@@ -515,11 +523,13 @@ fn bad_input_is_refused() {
     assert!(converge(&mut cache, &appearance).contains("before it is filled"));
     assert!(converge(&mut cache, &appearance[1..]).contains("appearances"));
     let mut scheme = scheme("ward88");
-    assert!(scheme.set("refinement", "weber").unwrap_err().to_string().contains("passes"));
-    scheme.set("passes", "2").unwrap();
-    scheme.set("refinement", "weber").unwrap();
-    assert_eq!(scheme.refinement, Refinement::Weber);
-    for (key, value) in [("error_min", "0"), ("contrast", "-1"), ("refinement", "more")] {
+    let weber = ("refinement.rule", "weber");
+    assert!(scheme.set_all([weber]).unwrap_err().to_string().contains("schedule"));
+    scheme.set_all([weber, ("schedule", "scanline")]).unwrap();
+    assert_eq!(scheme.refinement.unwrap().rule, RefinementRule::Weber);
+    for (key, value) in
+        [("refinement.error_min", "0"), ("refinement.contrast", "-1"), ("refinement.rule", "more")]
+    {
         assert!(scheme.set(key, value).unwrap_err().to_string().contains(key));
     }
 }

@@ -178,7 +178,7 @@ fn frames_share_records() {
     let motion = data.motions[0].clone().expect("the camera of glossy-walk moves");
     let scene = build(data);
     let mut settings = cached(&scene, "krivanek05", [48, 48], 4);
-    settings.scheme.rays = 128;
+    settings.scheme.gather.rays = 128;
     let still = scene.cameras()[0].clone();
     let cameras: Vec<Camera> = (0..4)
         .map(|k| Camera { to_world: motion.at(f64::from(k) / 24.0).unwrap(), ..still.clone() })

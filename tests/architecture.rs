@@ -13,6 +13,7 @@ const ORDER: &[&str] = &[
     "error",
     "progress",
     "fsutil",
+    "words",
     "math",
     "ffi",
     "imagefile",

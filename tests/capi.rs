@@ -106,7 +106,7 @@ fn loaded(device: &Device, name: &str) -> SceneHandle {
 fn cache(scene: &SceneHandle) -> CacheHandle {
     let mut c = null_mut();
     ok(unsafe { lumi_cache_new(scene.0, null(), &raw mut c) });
-    set(c, "rays", 64);
+    set(c, "gather.rays", 64);
     set(c, "deeper_points", 500);
     CacheHandle(c)
 }
@@ -195,7 +195,8 @@ fn answers_equal_those_of_the_rust_api() {
     let mut data = lumicache::import::gltf(Path::new(&file), &Default::default()).unwrap();
     data.cameras.clear();
     let scene = Scene::new(data, Backend::default()).unwrap().0;
-    let scheme = lumicache::cache::Scheme { rays: 64, ..Preset::by_name("auto").unwrap().scheme() };
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.gather.rays = 64;
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
     let mut expected = Cache::new(scheme, u32::MAX, scene.size());
 
@@ -338,7 +339,7 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     );
     fails(unsafe { lumi_cache_merge(foreign.0, c.0, 0) }, LUMI_ERROR_STALE_CACHE, "another scene");
     let finer = cache(&s);
-    set(finer.0, "rays", 128);
+    set(finer.0, "gather.rays", 128);
     fails(
         unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), 0) },
         LUMI_ERROR_STALE_CACHE,
@@ -347,7 +348,7 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     ok(unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), LUMI_REUSE) });
     assert_eq!(stats(finer.0).records, stats(c.0).records);
     fails(
-        unsafe { lumi_cache_set_i32(finer.0, c"rays".as_ptr(), 64) },
+        unsafe { lumi_cache_set_i32(finer.0, c"gather.rays".as_ptr(), 64) },
         LUMI_ERROR_INVALID_OPERATION,
         "clear it",
     );
@@ -407,7 +408,7 @@ fn records_with_direct_light_go_round() {
     let points = seen(&s, 500);
     let with = |contents: &str| {
         let c = cache(&s);
-        for (name, value) in [("preset", "aric11"), ("contents", contents), ("rays", "64")] {
+        for (name, value) in [("preset", "aric11"), ("contents", contents), ("gather.rays", "64")] {
             ok(unsafe { lumi_cache_set_str(c.0, text(name).as_ptr(), text(value).as_ptr()) });
         }
         c
@@ -634,7 +635,7 @@ fn a_build_can_be_cancelled() {
     let d = device("");
     let s = loaded(&d, "indirect-room");
     let c = cache(&s);
-    set(c.0, "rays", 100_000);
+    set(c.0, "gather.rays", 100_000);
     let calls = AtomicU32::new(0);
     ok(unsafe { lumi_cache_set_progress(c.0, Some(watch), (&raw const calls).cast_mut().cast()) });
     fails(build(c.0, &seen(&s, 2000)), LUMI_ERROR_CANCELLED, "cancelled");

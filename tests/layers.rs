@@ -15,7 +15,7 @@ use std::path::Path;
 fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
     let size = [40, 40];
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
-    scheme.set("rays", "400").unwrap();
+    scheme.set("gather.rays", "400").unwrap();
     let settings = Settings {
         integrator,
         scheme,

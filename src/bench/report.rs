@@ -6,7 +6,7 @@
 //! shading point, with many more rays.
 
 use super::page;
-use crate::cache::{Appearance, Cache, Contents, LevelPoints, Order, Preset, Refinement, Scheme};
+use crate::cache::{Appearance, Cache, Contents, LevelPoints, Preset, Schedule, Scheme};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
@@ -33,7 +33,7 @@ const ATTEMPTS: usize = 16;
 /// Bounds of the areas that all schemes share, unless a plan says otherwise: what differs is how
 /// they use the room between.
 const BOUNDS: [(&str, &str); 3] =
-    [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
+    [("validity.normal_limit", "1"), ("radius.min_pixels", "1"), ("radius.max_radius", "0.3")];
 /// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of
 /// records depends little on them.
 const ROUGH: u32 = 8;
@@ -199,13 +199,9 @@ pub fn run(
     let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
     experiment.picture(&folder.join("reference.png"), &brightness, exposure)?;
     for (preset, scheme) in plan.presets.iter().zip(schemes) {
-        let base = Scheme {
-            rays: plan.rays,
-            levels: 1,
-            noise: 0.0,
-            contents: Contents::Indirect,
-            ..scheme
-        };
+        let mut base = scheme;
+        (base.gather.rays, base.gather.noise) = (plan.rays, 0.0);
+        (base.levels, base.contents) = (1, Contents::Indirect);
         base.check()?;
         let file: String = preset
             .chars()
@@ -213,8 +209,9 @@ pub fn run(
             .collect();
         let mut scale = 1.0;
         for &wanted in &plan.records {
-            let rough = Scheme { rays: (base.rays / ROUGH).max(ROUGH_RAYS), ..base.clone() };
-            if rough.rays < base.rays {
+            let mut rough = base.clone();
+            rough.gather.rays = (base.gather.rays / ROUGH).max(ROUGH_RAYS);
+            if rough.gather.rays < base.gather.rays {
                 experiment.search(&rough, wanted, &mut scale)?;
             }
             let attempt = experiment.search(&base, wanted, &mut scale)?;
@@ -233,7 +230,7 @@ pub fn run(
                 wanted,
                 records,
                 equal: (records as f64 / wanted as f64 - 1.0).abs() <= TOLERANCE,
-                error: attempt.cache.scheme().error,
+                error: attempt.cache.scheme().validity.error,
                 passes: attempt.passes,
                 seconds: attempt.seconds,
                 uncovered,
@@ -256,7 +253,7 @@ pub fn run(
 }
 
 /// The scheme that `text` names: a preset, and settings behind colons, as in
-/// `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all
+/// `ward-heckbert92:clamping=none:radius.min_pixels=0`. Before those it gets the bounds that all
 /// have in common, normals up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's
 /// diagonal, and then `settings`.
 ///
@@ -265,14 +262,15 @@ pub fn run(
 pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
     let mut parts = text.split(':');
     let mut scheme = Preset::by_name(parts.next().unwrap_or_default())?.scheme();
-    BOUNDS.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    settings.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    for part in parts {
-        let (key, value) = part.split_once('=').ok_or_else(|| {
-            Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
-        })?;
-        scheme.set(key, value)?;
-    }
+    let own: Result<Vec<_>> = parts
+        .map(|part| {
+            part.split_once('=').ok_or_else(|| {
+                Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
+            })
+        })
+        .collect();
+    let all = settings.iter().map(|(key, value)| (key.as_str(), value.as_str()));
+    scheme.set_all(BOUNDS.into_iter().chain(all).chain(own?))?;
     Ok(scheme)
 }
 
@@ -360,9 +358,9 @@ impl Experiment<'_> {
     fn attempt(&self, base: &Scheme, scale: f32) -> Result<Attempt> {
         let mut scheme = base.clone();
         scheme.scale_error(scale);
-        let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
-        let round =
-            if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
+        let (one_pass, refined) =
+            (scheme.schedule == Schedule::OnePass, scheme.refinement.is_some());
+        let round = if scheme.schedule.is_by_row() { self.settings.size[0] as usize } else { 0 };
         let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..self.settings.clone() });
         pixels.retain(|&p| self.seen[p as usize].is_some());
         let (points, appearance): (Vec<_>, Vec<_>) =
@@ -372,7 +370,7 @@ impl Experiment<'_> {
         let start = Instant::now();
         let probe = SceneProbe::new(self.tracer);
         let mut cache = Cache::new(scheme, self.settings.max_bounces, self.tracer.scene.size());
-        if cache.scheme().radiance_diffuse {
+        if cache.scheme().whole() {
             return self.attempt_whole(cache, &points, start);
         }
         let mut stats = cache.fill(&probe, 0, &points, self.settings.seed, self.progress)?;
@@ -396,7 +394,7 @@ impl Experiment<'_> {
     /// The same where radiance records serve all surfaces: their irradiance is what is compared.
     fn attempt_whole(&self, cache: Cache, points: &LevelPoints, start: Instant) -> Result<Attempt> {
         let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
-        let order = cache.scheme().radiance_order;
+        let order = cache.scheme().glossy().order;
         let mut caches = Caches::of(cache, gloss.map(Arc::new));
         let spot = |(number, point): (u32, &SurfacePoint)| Spot {
             number,

@@ -12,7 +12,7 @@ use super::fill::{FillStats, Filling};
 use super::locate::Locator;
 use super::outgoing::Outgoing;
 use super::radiance::{GlossyView, LobeCoefficients, Making, Radiance, RadiancePoints, Sources};
-use super::scheme::{Refinement, Weight};
+use super::scheme::{RefinementRule, Weight};
 use super::{Cache, Reach, Record};
 use crate::error::{Error, Result};
 use crate::gather::RadianceProbe;
@@ -78,7 +78,7 @@ struct View<'a> {
     /// Orders of the points' radiance records, if they have any.
     orders: &'a [u8],
     reach: Reach,
-    in_front: Option<f32>,
+    in_front: f32,
 }
 
 /// One level while it is refined.
@@ -101,7 +101,7 @@ struct Convergence<'a> {
 struct Rule {
     weight: Weight,
     contrast: f32,
-    /// See [`Refinement::WeberNearest`].
+    /// See [`RefinementRule::WeberNearest`].
     spares_nearest: bool,
 }
 
@@ -217,9 +217,11 @@ impl<'a> Convergence<'a> {
                 in_front: cache.in_front(),
             },
             rule: Rule {
-                weight: scheme.weight,
-                contrast: scheme.contrast,
-                spares_nearest: scheme.refinement == Refinement::WeberNearest,
+                weight: scheme.validity.weight,
+                contrast: scheme.refinement.unwrap_or_default().contrast,
+                spares_nearest: scheme
+                    .refinement
+                    .is_some_and(|r| r.rule == RefinementRule::WeberNearest),
             },
             locator: Locator::build(points),
             lists: vec![Vec::new(); points.len()],

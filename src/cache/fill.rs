@@ -3,9 +3,9 @@
 
 use super::radiance::{Making, Radiance, RadiancePoints, Sources};
 use super::record::clamp_to_neighbours;
-use super::{Cache, Contents, DirectSamples, Envelope, FootprintKind, Index, Level, Reach, Record};
+use super::{Cache, Contents, DirectSamples, Envelope, Index, Level, Outline, Reach, Record};
 use crate::error::{Error, Result};
-use crate::gather::{Deeper, HemisphereSamples, HitChange, Layout, RadianceProbe};
+use crate::gather::{Deeper, Density, HemisphereSamples, HitChange, Layout, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
@@ -214,11 +214,11 @@ impl Cache {
     }
 
     pub(super) fn shading_reach(&self, level: u8) -> Reach {
-        Reach::new(&self.scheme, level, self.scene_size, self.scheme.smoothing)
+        Reach::new(&self.scheme, level, self.scene_size, self.scheme.validity.smoothing)
     }
 
     fn index(&self, records: &[Record], reach: Reach) -> Index {
-        Index::build(records, reach, self.scheme.weight, self.scheme.in_front_test, self.scene_size)
+        Index::build(records, reach, self.scheme.validity.weight, self.scene_size)
     }
 }
 
@@ -281,7 +281,7 @@ impl<'a> Filling<'a> {
     fn survey(&mut self, errors_differ: bool) {
         self.envelope =
             Envelope::build(self.records.iter().map(|r| (r.position, r.length_unclamped)));
-        self.spread = (self.cache.scheme.footprint == FootprintKind::Sectors).then(|| {
+        self.spread = (self.cache.scheme.radius.area == Outline::Sectors).then(|| {
             Envelope::build(
                 self.records
                     .iter()
@@ -435,7 +435,7 @@ impl<'a> Filling<'a> {
     /// Tells all records of each other, after some were made.
     fn settle(&mut self) {
         self.survey(self.nearest.is_some());
-        if self.cache.scheme.neighbour_clamp {
+        if self.cache.scheme.clamping.neighbours() {
             clamp_to_neighbours(&mut self.records, &self.envelope);
         }
     }
@@ -448,7 +448,7 @@ impl<'a> Filling<'a> {
     /// thrown away where they happened to find it: the picture would become darker.
     fn regather_noisy(&mut self) {
         let scheme = &self.cache.scheme;
-        if self.level > 0 || scheme.noise <= 0.0 {
+        if self.level > 0 || scheme.gather.noise <= 0.0 {
             return;
         }
         let index = self.cache.index(&self.records, self.shading_reach);
@@ -460,7 +460,7 @@ impl<'a> Filling<'a> {
                 variance += record.sigma * record.sigma;
                 square += luminance(record.irradiance).powi(2);
             });
-            variance > scheme.noise * scheme.noise * square
+            variance > scheme.gather.noise * scheme.gather.noise * square
         };
         let layout = scheme.layout(self.level);
         let layout = layout.with_rays(MORE_RAYS * layout.rays() as u32);
@@ -502,9 +502,12 @@ impl<'a> Filling<'a> {
     /// An empty gather of this layout.
     fn empty_gather(&self, layout: Layout) -> HemisphereSamples {
         let scheme = &self.cache.scheme;
-        let paths = if self.level == 0 { scheme.light_paths } else { 0 };
-        let change = if self.making.is_some() { scheme.hit_change } else { HitChange::None };
-        HemisphereSamples::new(layout, scheme.density).with_light_paths(paths).with_change(change)
+        let paths = if self.level == 0 { scheme.extrapolation.light_paths() } else { 0 };
+        let (change, density) = match self.making {
+            Some(_) => (scheme.glossy().hits.change(), scheme.glossy().density()),
+            None => (HitChange::None, Density::Cosine),
+        };
+        HemisphereSamples::new(layout, density).with_light_paths(paths).with_change(change)
     }
 
     /// The record of a gather at `at`, where it was made, and whether it had to be taken again
@@ -516,7 +519,7 @@ impl<'a> Filling<'a> {
         order: u8,
     ) -> (Made, SurfacePoint, bool) {
         let made = self.gather(samples, at, order);
-        if !self.cache.scheme.neighbour_clamp {
+        if !self.cache.scheme.clamping.neighbours() {
             return (made, *at, false);
         }
         let record = &made.record;
@@ -564,11 +567,8 @@ impl<'a> Filling<'a> {
     fn made(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Made {
         let scheme = &self.cache.scheme;
         let lit = self.level == 0 && scheme.contents == Contents::DirectAndIndirect;
-        let direct = if lit {
-            DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at))
-        } else {
-            None
-        };
+        let direct =
+            if lit { DirectSamples::new(self.probe, at, samples, self.seed_at(at)) } else { None };
         let mut record = Record::new(scheme, &self.shading_reach, at, samples, direct.as_ref());
         let radiance = self.making.map(|m| m.make(samples, at, order, &mut record, &self.reach));
         Made { record, radiance }

@@ -72,7 +72,6 @@ pub struct Index {
     reach: Reach,
     normal_scale: f32,
     weight: Weight,
-    in_front_test: bool,
     tolerance: f32,
 }
 
@@ -111,13 +110,7 @@ pub struct Answer {
 
 impl Index {
     /// Indexes `records`; a record's number in the slice is its id.
-    pub fn build(
-        records: &[Record],
-        reach: Reach,
-        weight: Weight,
-        in_front_test: bool,
-        scene_size: f32,
-    ) -> Self {
+    pub fn build(records: &[Record], reach: Reach, weight: Weight, scene_size: f32) -> Self {
         let mut payloads = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
         let (mut fences, mut areas) = (Vec::new(), Vec::new());
@@ -184,7 +177,6 @@ impl Index {
             reach,
             normal_scale: reach.normal_scale(),
             weight,
-            in_front_test,
             tolerance: 1e-4 * scene_size,
         };
         if !all.is_empty() {
@@ -279,7 +271,7 @@ impl Index {
                 continue;
             }
             // A record in front of the point may see light that its surface keeps from the point.
-            if self.in_front_test && 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
+            if 0.5 * offset.dot(n + e.normal) < -0.05 * d - self.tolerance {
                 continue;
             }
             if e.detail != PLAIN && !self.fences[(e.detail & PLAIN) as usize].admit(at.position) {

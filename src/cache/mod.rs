@@ -21,14 +21,12 @@ mod live;
 mod locate;
 mod metric;
 mod outgoing;
-mod preset;
 mod published;
 mod radiance;
 mod radiance_payload;
 mod radiance_placement;
 mod record;
 mod scheme;
-mod scheme_check;
 mod sync;
 
 pub use axes::{Axes, Change, Direct, DirectSamples, Quadratic};
@@ -41,16 +39,16 @@ pub use footprint::{Footprint, SECTORS};
 pub use index::{Answer, Index};
 pub use live::{Live, Snapshot};
 pub use outgoing::Lobes;
-pub use preset::{PRESETS, Preset};
 pub use radiance::{
     GlossyView, LobeCoefficients, RadianceAnswer, RadianceCache, RadiancePoints, Sources,
 };
-pub use radiance_payload::{HitStorage, Storage};
-pub use radiance_placement::{RadianceMetric, RadiancePlacement, Reflector};
+pub use radiance_placement::Reflector;
 pub use record::{Curve, Reach, Record};
 pub use scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands,
-    RadianceFrame, Refinement, Scheme, Strata, Weight,
+    Allowed, Bands, Bounds, Clamping, Contents, Extrapolation, Gather, Glossy, GlossyBasis,
+    GlossyMetric, Hits, Kernel, Measure, Metric, Outline, PRESETS, Placement, Preset, Radius,
+    Refinement, RefinementRule, Schedule, Scheme, Setting, Storage, Strata, Validity, Weight,
+    settings, settings_page,
 };
 
 use crate::gather::Deeper;
@@ -116,9 +114,9 @@ impl Cache {
         self.scene_size
     }
 
-    /// How far a record may lie in front of a point beside it, if that is tested at all.
-    fn in_front(&self) -> Option<f32> {
-        self.scheme.in_front_test.then_some(1e-4 * self.scene_size)
+    /// How far a record may lie in front of a point beside it.
+    fn in_front(&self) -> f32 {
+        1e-4 * self.scene_size
     }
 
     /// Number of levels, filled or not.
@@ -160,7 +158,7 @@ impl Cache {
 
     /// `records` as a level: clamped to their neighbours and indexed.
     fn level_of(&self, level: u8, mut records: Vec<Record>) -> Level {
-        if self.scheme.neighbour_clamp {
+        if self.scheme.clamping.neighbours() {
             let envelope =
                 Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
             record::clamp_to_neighbours(&mut records, &envelope);

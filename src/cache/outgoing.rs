@@ -22,7 +22,7 @@ pub(super) enum Outgoing<'a> {
         lobes: &'a Lobes<'a>,
         /// What made the records.
         maker: &'a Maker,
-        /// See [`super::Scheme::radiance_padding`].
+        /// See [`super::Bands::Padded`].
         padding: bool,
     },
 }

@@ -4,13 +4,11 @@
 //! product of two vectors, the record's coefficients and those of the lobe. Records are placed as
 //! irradiance records are, in a cache of their own.
 
-use super::radiance_payload::{HitStorage, Payload};
-use super::radiance_placement::{
-    RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape,
-};
+use super::radiance_payload::Payload;
+use super::radiance_placement::{Reflector, Response, Surroundings, shape};
 use super::{
-    Appearance, Cache, Extrapolation, FillStats, Index, LevelPoints, Lobes, RadianceFrame, Reach,
-    Record, Refinement, Scheme,
+    Appearance, Bands, Cache, Extrapolation, FillStats, GlossyBasis, GlossyMetric, Hits, Index,
+    LevelPoints, Lobes, Placement, Reach, Record, Scheme,
 };
 use crate::basis::{
     Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle,
@@ -19,7 +17,7 @@ use crate::basis::{
 use crate::error::Result;
 use crate::gather::{
     Coefficients, HemisphereSamples, RadianceDerivatives, RadianceGradient, RadianceProbe,
-    StoredHit,
+    StoredHit, TriangleRadiance,
 };
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec2, Vec3, luminance};
@@ -144,15 +142,15 @@ const MOST_CORRECTION: f32 = 2.0;
 const WORLD: Frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z };
 
 impl RadianceCache {
-    /// An empty cache under `scheme`, whose `radiance_order` is not 0, for light paths of at most
+    /// An empty cache under `scheme`, which has radiance records, for light paths of at most
     /// `max_bounces` interactions in a scene whose diagonal is `scene_size`. It holds what surfaces
     /// `level` bounces behind the first need.
     ///
     /// # Panics
     /// When the scheme or the paths have no such level.
     pub fn new(scheme: &Scheme, max_bounces: u32, scene_size: f32, level: u8) -> Self {
-        let order = usize::from(scheme.radiance_order);
-        let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
+        let order = usize::from(scheme.glossy().order);
+        let bases: Vec<_> = (1..=order).map(|n| scheme.glossy().basis.kind().basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
         let maker = Maker {
             scheme: scheme.for_radiance(),
@@ -162,7 +160,7 @@ impl RadianceCache {
             rotation: OnceLock::new(),
             cosine,
         };
-        let padding = scheme.radiance_padding;
+        let padding = scheme.glossy().bands == Bands::Padded;
         let cache = Cache::new(scheme.for_radiance(), max_bounces, scene_size);
         assert!(level < cache.level_count(), "there is no level {level}");
         Self {
@@ -213,7 +211,7 @@ impl RadianceCache {
     /// from a position, where the scheme places records by what the viewer sees; else nothing
     /// changes. Fences and orders stay as they are.
     pub fn see_from(&mut self, reflector: &dyn Reflector, towards: &(dyn Fn(Vec3) -> Vec3 + Sync)) {
-        if self.maker.scheme.radiance_placement != RadiancePlacement::View {
+        if self.maker.scheme.glossy().metric.placement() != Placement::View {
             return;
         }
         let reach = self.cache.shading_reach(self.maker.level);
@@ -329,8 +327,8 @@ impl RadianceCache {
 
 impl RadianceCache {
     /// Whether records keep their hits.
-    pub fn hit_storage(&self) -> HitStorage {
-        self.maker.scheme.radiance_hits
+    pub fn hits(&self) -> Hits {
+        self.maker.scheme.glossy().hits
     }
 
     /// As [`RadianceCache::lookup`], from the hits that the records keep: `reflect(hit, direction,
@@ -430,12 +428,12 @@ impl Making<'_> {
         let order = usize::from(order).clamp(1, maker.bases.len());
         let basis = maker.bases[order - 1].as_ref();
         let value = samples.project(basis);
-        let derivatives = match scheme.radiance_gradient {
+        let derivatives = match scheme.glossy().gradient {
             RadianceGradient::None => RadianceDerivatives::default(),
             RadianceGradient::Triangulated => {
                 let hessians = scheme.extrapolation == Extrapolation::Second
-                    || scheme.radiance_metric == RadianceMetric::Second;
-                samples.radiance_derivatives(&Sh::new(order), scheme.triangle_radiance, hessians)
+                    || matches!(scheme.glossy().metric, GlossyMetric::Second(_));
+                samples.radiance_derivatives(&Sh::new(order), TriangleRadiance::Hybrid, hessians)
             }
             kind => RadianceDerivatives {
                 gradient: samples.radiance_gradient(basis, kind),
@@ -444,21 +442,20 @@ impl Making<'_> {
         };
         let response =
             Response { value, gradient: derivatives.gradient, hessian: derivatives.hessian };
-        let surroundings = (scheme.radiance_metric != RadianceMetric::Irradiance)
+        let surroundings = (scheme.glossy().metric != GlossyMetric::Irradiance)
             .then(|| Surroundings::new(samples, &response));
         match &surroundings {
             Some(s) => self.reshape(record, response.clone(), s, samples.frame(), at, reach),
-            None if scheme.gradient_clamp => record.shorten(
-                response.length() / if scheme.metric.is_distance() { 1.0 } else { reach.scale() },
+            None if scheme.clamping.gradient() => record.shorten(
+                response.length()
+                    / if scheme.radius.metric.is_distance() { 1.0 } else { reach.scale() },
             ),
             None => {}
         }
-        let hits = match scheme.radiance_hits {
-            HitStorage::None => Vec::new(),
-            HitStorage::Frozen | HitStorage::Traced => samples.stored_hits(record.position),
-        };
+        let kept = scheme.glossy().hits.are_kept();
+        let hits = if kept { samples.stored_hits(record.position) } else { Vec::new() };
         let mut uncertainty = Vec::new();
-        if scheme.refinement != Refinement::None {
+        if scheme.refinement.is_some() {
             uncertainty =
                 samples.uncertainty(maker.bases[order.min(UNCERTAINTY_BANDS) - 1].as_ref());
             if maker.is_in_world() {
@@ -501,7 +498,7 @@ impl Making<'_> {
         reach: &Reach,
     ) {
         let scheme = &self.maker.scheme;
-        let response = incident.placed(scheme.radiance_placement, self.reflector, at);
+        let response = incident.placed(scheme.glossy().metric.placement(), self.reflector, at);
         record.reshape(shape(
             scheme,
             &response,
@@ -515,26 +512,26 @@ impl Making<'_> {
 
 impl Maker {
     fn is_spherical(&self) -> bool {
-        self.scheme.radiance_basis == BasisKind::Sh
+        self.scheme.glossy().basis.kind() == BasisKind::Sh
     }
 
     /// Spherical harmonics in the world's frame, where records of all normals meet.
     fn is_in_world(&self) -> bool {
-        self.is_spherical() && self.scheme.radiance_frame == RadianceFrame::World
+        self.is_spherical() && self.scheme.glossy().basis == GlossyBasis::ShWorld
     }
 
     /// The number of vectors by which records are continued.
     fn vectors_used(&self) -> usize {
         match self.scheme.extrapolation {
-            Extrapolation::Zero => 1,
-            Extrapolation::First | Extrapolation::Axes => 3,
+            Extrapolation::None | Extrapolation::Rotation => 1,
+            Extrapolation::First | Extrapolation::Axes { .. } => 3,
             Extrapolation::Second => 6,
         }
     }
 
     /// Keeps what is needed of `response`, which is given in `frame`.
     fn pack(&self, response: Response, frame: &Frame) -> Payload {
-        let again = self.scheme.radiance_placement == RadiancePlacement::View;
+        let again = self.scheme.glossy().metric.placement() == Placement::View;
         let most = if again { 6 } else { self.vectors_used() };
         let vectors =
             [vec![response.value], response.gradient.into(), response.hessian.into()].concat();
@@ -543,7 +540,7 @@ impl Maker {
         if self.is_in_world() {
             self.turn(&mut vectors, Turn::between(frame, &WORLD));
         }
-        Payload::new(vectors, self.scheme.radiance_storage)
+        Payload::new(vectors, self.scheme.glossy().storage)
     }
 
     /// What [`Maker::pack`] kept, in the frame of the record.
@@ -652,7 +649,7 @@ impl Maker {
 
     /// Made when the first rotation is asked for: flat surfaces need none.
     fn rotation(&self) -> &Rotation {
-        self.rotation.get_or_init(|| match self.scheme.radiance_basis {
+        self.rotation.get_or_init(|| match self.scheme.glossy().basis.kind() {
             BasisKind::Hsh => Rotation::Hsh(Tilt::new(self.bases.len())),
             BasisKind::Sh => Rotation::Sh(ShRotation::new(self.bases.len())),
         })

@@ -16,6 +16,8 @@ use std::sync::Arc;
 /// The second-order term of an extrapolation is no larger than the first-order one and this share
 /// of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
 pub(super) const SECOND_ORDER: f32 = 0.25;
+/// The share of the rays that are the nearest, for the bound on R_i.
+const NEAREST: f32 = 0.02;
 
 /// The second-order part of a record's extrapolation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +89,7 @@ impl Record {
         direct: Option<&DirectSamples>,
     ) -> Self {
         let irradiance = samples.irradiance();
-        let rotation = if scheme.rotational_gradient {
+        let rotation = if scheme.extrapolation.rotates() {
             samples.rotational_gradient().to_world(&at.frame)
         } else {
             Mat3::ZERO
@@ -95,11 +97,11 @@ impl Record {
         let derivatives = metric::derivatives(scheme, samples);
         let gradient = derivatives.gradient;
         let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, reach.scene_size);
-        if scheme.nearest_fraction > 0.0 {
-            let nearest = scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction);
+        if scheme.radius.nearest > 0.0 {
+            let nearest = scheme.radius.nearest * samples.nearest_distance(NEAREST);
             shape = shape.map(|r| r.min(nearest));
         }
-        if scheme.gradient_clamp {
+        if scheme.clamping.gradient() {
             // Luminance, not the smallest channel: a channel that is nearly black would shrink
             // every record beside a coloured wall.
             let slope = [luminance(gradient.s), luminance(gradient.t)];
@@ -111,17 +113,17 @@ impl Record {
                 };
                 // The published clamps bound R_i of metrics that are distances, but the radius
                 // itself of those that estimate an error.
-                let scale = if scheme.metric.is_distance() { 1.0 } else { reach.scale };
+                let scale = if scheme.radius.metric.is_distance() { 1.0 } else { reach.scale };
                 if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
         let mut axes = None;
-        if scheme.extrapolation == Extrapolation::Axes {
+        if scheme.extrapolation.has_axes() {
             let (fitted, fitting) =
                 axes::fit(scheme, reach, at, samples, irradiance, shape, direct);
             (axes, shape) = (Some(Arc::new(fitted)), fitting);
         }
-        let fences = if scheme.fences {
+        let fences = if scheme.validity.fences {
             Fences::new(samples, at.position, reach.radius(shape.longest(), at.footprint).0)
         } else {
             Fences::default()
@@ -132,7 +134,7 @@ impl Record {
             normal: at.frame.n,
             irradiance,
             rotation,
-            translation: if scheme.extrapolation == Extrapolation::Zero {
+            translation: if !scheme.extrapolation.translates() {
                 Mat3::ZERO
             } else {
                 gradient.to_world(&at.frame)
@@ -176,14 +178,12 @@ impl Record {
 
     /// The error of using the record at `at` as a share of the level's allowed error, so that the
     /// record is valid below [`Reach::share`]. `None` where it must not be used at any
-    /// distance: it faces away, lies in front of the point and `in_front` says by how much it may
-    /// not, or fences stand between.
-    pub fn error_at(&self, reach: &Reach, at: &SurfacePoint, in_front: Option<f32>) -> Option<f32> {
+    /// distance: it faces away, lies more than `in_front` in front of the point, or fences stand
+    /// between.
+    pub fn error_at(&self, reach: &Reach, at: &SurfacePoint, in_front: f32) -> Option<f32> {
         let (offset, cosine) = (at.position - self.position, at.frame.n.dot(self.normal));
         let d = offset.length();
-        let hidden = in_front.is_some_and(|tolerance| {
-            0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - tolerance
-        });
+        let hidden = 0.5 * offset.dot(at.frame.n + self.normal) < -0.05 * d - in_front;
         if cosine <= reach.least_cosine || hidden || !self.fences.admit(at.position) {
             return None;
         }
@@ -231,23 +231,23 @@ impl Reach {
     /// The reach on `level`; `smoothing` is 1 while the level fills.
     pub fn new(scheme: &Scheme, level: u8, scene_size: f32, smoothing: f32) -> Self {
         Self {
-            kernel: scheme.kernel,
-            widest_normal: SQRT_2 * (0.5 * scheme.normal_limit).sin(),
+            kernel: scheme.validity.kernel,
+            widest_normal: SQRT_2 * (0.5 * scheme.validity.normal_limit).sin(),
             // Other kernels end there by themselves, or a little later once they are smoothed.
-            least_cosine: if scheme.kernel == Kernel::Ward {
-                scheme.normal_limit.cos().max(0.0)
+            least_cosine: if scheme.validity.kernel == Kernel::Ward {
+                scheme.validity.normal_limit.cos().max(0.0)
             } else {
                 0.0
             },
             error: scheme.error_at(level),
             scale: scheme.radius_scale(level),
-            smallest_error: scheme.error_min,
+            smallest_error: scheme.error_min(),
             smoothing,
-            min_pixels: scheme.min_pixels,
+            min_pixels: scheme.radius.min_pixels,
             // Pixels bound records from above for the eye's sake; it does not see the deeper
             // levels.
-            max_pixels: if level == 0 { scheme.max_pixels } else { 0.0 },
-            max_radius: scheme.max_radius * scene_size,
+            max_pixels: if level == 0 { scheme.radius.max_pixels } else { 0.0 },
+            max_radius: scheme.radius.max_radius * scene_size,
             scene_size,
         }
     }

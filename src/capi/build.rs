@@ -58,7 +58,7 @@ impl CacheObject {
     ) -> Outcome<Built> {
         let (scheme, seed) = (&settings.scheme, settings.seed);
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
-        let wanted = scheme.radiance_diffuse || have_wo;
+        let wanted = scheme.whole() || have_wo;
         let gloss = gloss.or_else(|| {
             Gloss::new(scene, scheme, settings.max_bounces).filter(|_| wanted).map(Arc::new)
         });
@@ -135,7 +135,7 @@ fn spots(
     let numbered = || (0_u32..).zip(seeds);
     let of_irradiance =
         numbered().map(|(number, at)| Spot { number, point: *at, irradiance: true, order: 0 });
-    let Some(gloss) = caches.gloss.as_mut().filter(|_| have_wo || scheme.radiance_diffuse) else {
+    let Some(gloss) = caches.gloss.as_mut().filter(|_| have_wo || scheme.whole()) else {
         return of_irradiance.collect();
     };
     let gloss = Arc::make_mut(gloss);
@@ -143,13 +143,9 @@ fn spots(
     let service = gloss.service(scheme);
     let found = |(number, at): (u32, &SurfacePoint)| {
         let (point, order, _) = tracer.cached_at(at, settings.seed, Some(&service))?;
-        let order = if scheme.radiance_diffuse { scheme.radiance_order } else { order };
+        let order = if scheme.whole() { scheme.glossy().order } else { order };
         (order > 0).then_some(Spot { number, point, irradiance: false, order })
     };
     let of_radiance = numbered().filter_map(found);
-    if scheme.radiance_diffuse {
-        of_radiance.collect()
-    } else {
-        of_irradiance.chain(of_radiance).collect()
-    }
+    if scheme.whole() { of_radiance.collect() } else { of_irradiance.chain(of_radiance).collect() }
 }

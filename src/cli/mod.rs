@@ -11,6 +11,7 @@ mod terminal;
 use args::{Arguments, Bench, Command};
 use clap::{CommandFactory, Parser};
 use clap_mangen::Man;
+use lumicache::cache::settings_page;
 use lumicache::error::{Error, Result};
 use std::io::Write;
 use std::process::ExitCode;
@@ -38,7 +39,8 @@ fn run(command: Command) -> Result<Outcome> {
     match command {
         Command::Render(arguments) => return render::run(&arguments),
         Command::Report(arguments) => return report::run(&arguments),
-        Command::Presets { json } => show::presets(json)?,
+        Command::Presets { settings: true, .. } => show::print(settings_page().as_bytes())?,
+        Command::Presets { name, all, json, .. } => show::presets(name.as_deref(), all, json)?,
         Command::Compare(arguments) => show::compare(&arguments)?,
         Command::Info { scene } => show::info(&scene)?,
         Command::Cache { what } => cache::run(&what)?,

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::args::Report;
-use super::render::{camera, parse_size, threads};
+use super::render::{camera, pair, parse_size, threads};
 use super::show::print;
 use super::terminal::{Bar, cancel_on_interrupt};
 use lumicache::accel::Backend;
@@ -71,11 +71,7 @@ fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::R
 fn plan(arguments: &Report) -> Result<Plan> {
     let list = |text: &str| text.split(',').map(|s| s.trim().to_owned()).collect::<Vec<_>>();
     let presets = list(&arguments.presets);
-    let pair = |text: &String| match text.split_once('=') {
-        Some((key, value)) => Ok((key.trim().to_owned(), value.trim().to_owned())),
-        None => Err(Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE"))),
-    };
-    let settings = arguments.set.iter().map(pair).collect::<Result<Vec<_>>>()?;
+    let settings = arguments.set.iter().map(|text| pair(text)).collect::<Result<Vec<_>>>()?;
     presets.iter().try_for_each(|text| variant(text, &settings).map(|_| ()))?;
     let records: Option<Vec<usize>> =
         list(&arguments.records).iter().map(|n| n.parse().ok().filter(|n| *n > 0)).collect();

@@ -2,8 +2,8 @@
 //! how they are filled.
 
 use crate::cache::{
-    Appearance, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceBands,
-    RadianceCache, RadiancePoints, Refinement, Scheme, Sources,
+    Appearance, Bands, Cache, FillStats, GlossyView, LevelPoints, LobeCoefficients, RadianceCache,
+    RadiancePoints, Scheme, Sources,
 };
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -33,25 +33,25 @@ impl Gloss {
     /// What will serve glossy lobes under `scheme`, still without records; `None` where the scheme
     /// or the scene has nothing for it.
     pub fn new(scene: &Scene, scheme: &Scheme, max_bounces: u32) -> Option<Self> {
-        let count = u32::from(scheme.levels.min(scheme.radiance_levels)).min(max_bounces) as u8;
-        if scheme.radiance_order == 0 || count == 0 {
+        let count = u32::from(scheme.levels.min(scheme.glossy().levels)).min(max_bounces) as u8;
+        if scheme.glossy.is_none() || count == 0 {
             return None;
         }
         let wanted = TableSettings {
-            basis: scheme.radiance_basis,
-            order: usize::from(scheme.radiance_order),
-            loss: scheme.radiance_loss,
-            padding: scheme.radiance_padding,
-            whole: scheme.radiance_diffuse,
-            forced: scheme.radiance_bands == RadianceBands::All,
+            basis: scheme.glossy().basis.kind(),
+            order: usize::from(scheme.glossy().order),
+            loss: scheme.glossy().loss,
+            padding: scheme.glossy().bands == Bands::Padded,
+            whole: scheme.whole(),
+            forced: scheme.glossy().bands == Bands::All,
         };
         let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
-        if tables.is_empty() && !scheme.radiance_diffuse {
+        if tables.is_empty() && !scheme.whole() {
             return None;
         }
         let levels: Vec<_> =
             (0..count).map(|k| RadianceCache::new(scheme, max_bounces, scene.size(), k)).collect();
-        let served = vec![scheme.radiance_break_even <= 0.0; scene.materials().len()];
+        let served = vec![scheme.glossy().break_even() <= 0.0; scene.materials().len()];
         let fill = vec![FillStats::default(); levels.len()];
         Some(Self { tables: Arc::new(tables), levels, served, fill })
     }
@@ -59,7 +59,8 @@ impl Gloss {
     /// Lets records serve those materials, too, for which they take the place of enough paths:
     /// `paths` says of how many.
     pub fn serve(&mut self, paths: &[f32], scheme: &Scheme) {
-        let enough = scheme.radiance_break_even * self.levels[0].placement().scheme().rays as f32;
+        let enough =
+            scheme.glossy().break_even() * self.levels[0].placement().scheme().gather.rays as f32;
         self.served.iter_mut().zip(paths).for_each(|(served, &paths)| *served |= paths >= enough);
     }
 
@@ -209,11 +210,8 @@ impl Caches {
         let seed = hash(&[job.seed, 2, u64::from(level)]);
         let found = job.tracer.next_cached(&points, job.deeper_points, seed, service.as_ref());
         let spot = |(number, (point, order)): (usize, (SurfacePoint, u8))| {
-            let order = if scheme.radiance_diffuse && gloss.is_some() {
-                scheme.radiance_order
-            } else {
-                order
-            };
+            let order =
+                if scheme.whole() && gloss.is_some() { scheme.glossy().order } else { order };
             Spot { number: number as u32, point, irradiance: order == 0, order }
         };
         found.into_iter().enumerate().map(spot).collect()
@@ -240,7 +238,7 @@ impl Caches {
         };
         let stats = self.cache.fill(&probe, level, &points, job.seed, progress)?;
         self.fill[usize::from(level)].add(&stats);
-        if level == 0 && scheme.refinement != Refinement::None {
+        if level == 0 && scheme.refinement.is_some() {
             let views = views(job, spots, chosen, None);
             let looks: Vec<Appearance> = views.iter().map(|l| l.2).collect();
             let refined =
@@ -284,7 +282,7 @@ impl Caches {
         let stats =
             records.fill(&probe, &points, &self.cache, Some(&reflector), job.seed, progress)?;
         fill.add(&stats);
-        if level == 0 && scheme.refinement != Refinement::None {
+        if level == 0 && scheme.refinement.is_some() {
             let views = views(job, spots, chosen, Some(&service));
             let appearance: Vec<Appearance> = views.iter().map(|l| l.2).collect();
             let lobes = |p: usize, lobe: &mut LobeCoefficients| {
@@ -298,7 +296,7 @@ impl Caches {
             fill.add(&records.converge(&view, &sources, job.seed, progress)?);
         }
         add(&mut self.gathered, &probe);
-        if scheme.radiance_diffuse {
+        if scheme.whole() {
             self.cache.share_level(level, records.placement());
         }
         Ok(stats.births)

@@ -5,7 +5,7 @@ use super::clock::Clock;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings};
 use super::visible::fill_for_camera;
-use crate::cache::{Cache, FillStats, Order, RadianceCache};
+use crate::cache::{Cache, FillStats, RadianceCache, Schedule};
 use crate::error::{Error, Result};
 use crate::film::{Film, Pixel};
 use crate::progress::{Phase, Progress};
@@ -107,7 +107,7 @@ pub fn frame_with(
         before.unwrap_or_else(|| Caches::new(scene, &settings.scheme, settings.max_bounces, None));
     match fill_for_camera(&mut caches, scene, settings, &[], progress) {
         Ok(births) => {
-            let limits = (settings.scheme.passes == 1).then_some(births);
+            let limits = (settings.scheme.schedule == Schedule::OnePass).then_some(births);
             shade_frame(scene, settings, Some(&caches), limits.as_deref(), progress, clock, watcher)
         }
         Err(Error::Cancelled) => {
@@ -192,13 +192,13 @@ pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
     let [x0, y0, x1, y1] = settings.window;
     let width = x1 - x0;
     let mut order: Vec<u32> = (0..width * (y1 - y0)).collect();
-    match settings.scheme.order {
-        Order::Scanline => {}
+    match settings.scheme.schedule {
+        Schedule::OnePass | Schedule::Scanline => {}
         // Grids of every eighth pixel, then every fourth, every second, and the rest.
-        Order::CoarseToFine => {
+        Schedule::CoarseToFine => {
             order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p))
         }
-        Order::Hashed => {
+        Schedule::Scattered => {
             order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p))
         }
     }

@@ -3,7 +3,6 @@
 use super::caches::{Caches, Job, Spot};
 use super::frame::{camera_sample, pixel_order};
 use super::settings::Settings;
-use crate::cache::Order;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -43,7 +42,7 @@ pub fn fill_for_camera(
     let job = Job {
         tracer,
         deeper_points: DEEPER_POINTS,
-        round: if settings.scheme.order == Order::Scanline { width } else { 0 },
+        round: if settings.scheme.schedule.is_by_row() { width } else { 0 },
         seed: settings.seed,
         look: &look,
         towards: Some(&|p| settings.camera.towards(p)),
@@ -64,7 +63,7 @@ fn visible(
     let scheme = &settings.scheme;
     let all = vec![true; tracer.scene.materials().len()];
     let service = caches.gloss.as_ref().map(|g| Service::new(&g.tables, &all, scheme));
-    let whole = scheme.radiance_diffuse && caches.gloss.is_some();
+    let whole = scheme.whole() && caches.gloss.is_some();
     let mut visible: Vec<(Spot, bool)> = order
         .par_iter()
         .filter_map(|&number| {
@@ -75,11 +74,11 @@ fn visible(
                 let footprint = pixel_footprint(camera, settings.size, &point);
                 point.footprint = point.footprint.min(footprint.unwrap_or(f32::INFINITY));
             }
-            let order = if whole { scheme.radiance_order } else { order };
+            let order = if whole { scheme.glossy().order } else { order };
             Some((Spot { number, point, irradiance: order == 0, order }, diffuse))
         })
         .collect();
-    if let Some(gloss) = caches.gloss.as_mut().filter(|_| !scheme.radiance_diffuse) {
+    if let Some(gloss) = caches.gloss.as_mut().filter(|_| !scheme.whole()) {
         let mut paths = vec![0.0; all.len()];
         for (spot, _) in visible.iter().filter(|(spot, _)| spot.order > 0) {
             paths[spot.point.material as usize] += settings.spp as f32;

@@ -5,7 +5,7 @@ use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
 use super::{CameraSample, Gloss, Known, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::{Cache, HitStorage, LobeCoefficients};
+use crate::cache::{Cache, LobeCoefficients};
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
 use crate::sampling::Sampler;
@@ -302,7 +302,7 @@ impl<'a> CachedIntegrator<'a> {
         let level = self.level(bounces);
         let records = gloss.level(level)?;
         let limit = if level == 0 { limit } else { u32::MAX };
-        let answer = if records.hit_storage() == HitStorage::None {
+        let answer = if !records.hits().are_kept() {
             lobe.order = gloss.service.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
             records.lookup(&v.point, limit, lobe)
         } else {

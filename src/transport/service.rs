@@ -16,9 +16,9 @@ pub struct Service<'a> {
     pub tables: &'a GlossyTables,
     /// For each material whether records may serve it.
     pub materials: &'a [bool],
-    /// See [`Scheme::radiance_share`].
+    /// See [`Glossy::share`].
     pub share: f32,
-    /// See [`Scheme::radiance_curved_order`].
+    /// See [`Glossy::curved_order`].
     pub curved_order: u8,
 }
 
@@ -106,8 +106,8 @@ impl<'a> Service<'a> {
         Self {
             tables,
             materials,
-            share: scheme.radiance_share,
-            curved_order: scheme.radiance_curved_order,
+            share: scheme.glossy().share(),
+            curved_order: scheme.glossy().curved_order(),
         }
     }
 

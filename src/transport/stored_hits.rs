@@ -4,7 +4,7 @@
 use super::path::{PathTracer, Start, Vertex};
 use super::points::position_hash;
 use super::service::Known;
-use crate::cache::{HitStorage, RadianceAnswer, RadianceCache};
+use crate::cache::{Hits, RadianceAnswer, RadianceCache};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
@@ -34,7 +34,7 @@ impl PathTracer<'_> {
         if radiance.is_finite() { radiance } else { Color::ZERO }
     }
 
-    /// The glossy reflection at `v` of the hits that `records` keep; with [`HitStorage::Traced`]
+    /// The glossy reflection at `v` of the hits that `records` keep; with [`Hits::Retraced`]
     /// the light that leaves each of them towards `v` is found anew.
     pub(super) fn reflect_hits(
         &self,
@@ -45,7 +45,7 @@ impl PathTracer<'_> {
     ) -> Option<RadianceAnswer> {
         let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
-        let traced = records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;
+        let traced = records.hits() == Hits::Retraced && self.max_bounces > 0;
         let mut number = 0;
         records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
             number += 1;
