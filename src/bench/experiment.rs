@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 /// Bounds of the areas that all schemes share, unless a plan says otherwise: schemes differ in how
 /// they use the room between.
 const BOUNDS: [(&str, &str); 3] =
-    [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
+    [("validity.normal_limit", "1"), ("radius.min_pixels", "1"), ("radius.max_radius", "0.3")];
 /// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of
 /// records depends little on them.
 const ROUGH: u32 = 8;
@@ -98,8 +98,9 @@ pub fn run(
         base.check()?;
         let mut scale = 1.0;
         for &wanted in &plan.records {
-            let rough = Scheme { rays: (base.rays / ROUGH).max(ROUGH_RAYS), ..base.clone() };
-            if rough.rays < base.rays {
+            let mut rough = base.clone();
+            rough.gather.rays = (base.gather.rays / ROUGH).max(ROUGH_RAYS);
+            if rough.gather.rays < base.gather.rays {
                 stage.search(&rough, wanted, &mut scale)?;
             }
             let attempt = stage.search(&base, wanted, &mut scale)?;
@@ -115,13 +116,14 @@ pub fn run(
 
 /// The variant `text` with what `plan` wants of all schemes.
 fn base(text: &str, plan: &Plan) -> Result<Scheme> {
-    let contents = Contents::Indirect;
-    let scheme = variant(text, &plan.settings)?;
-    Ok(Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents, ..scheme })
+    let mut scheme = variant(text, &plan.settings)?;
+    (scheme.gather.rays, scheme.gather.noise) = (plan.rays, 0.0);
+    (scheme.levels, scheme.contents) = (1, Contents::Indirect);
+    Ok(scheme)
 }
 
 /// The scheme that `text` names: a preset, and settings behind colons, as in
-/// `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all
+/// `ward-heckbert92:clamping=none:radius.min_pixels=0`. Before those it gets the bounds that all
 /// have in common, normals up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's
 /// diagonal, and then `settings`.
 ///
@@ -130,14 +132,15 @@ fn base(text: &str, plan: &Plan) -> Result<Scheme> {
 pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
     let mut parts = text.split(':');
     let mut scheme = Preset::by_name(parts.next().unwrap_or_default())?.scheme();
-    BOUNDS.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    settings.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    for part in parts {
-        let (key, value) = part.split_once('=').ok_or_else(|| {
-            Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
-        })?;
-        scheme.set(key, value)?;
-    }
+    let own: Result<Vec<_>> = parts
+        .map(|part| {
+            part.split_once('=').ok_or_else(|| {
+                Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
+            })
+        })
+        .collect();
+    let all = settings.iter().map(|(key, value)| (key.as_str(), value.as_str()));
+    scheme.set_all(BOUNDS.into_iter().chain(all).chain(own?))?;
     Ok(scheme)
 }
 
@@ -214,7 +217,7 @@ impl Stage<'_> {
         reference: &Reference,
         folder: &Path,
     ) -> Result<Row> {
-        let (image, uncovered) = self.irradiance(attempt, attempt.cache.scheme().rays);
+        let (image, uncovered) = self.irradiance(attempt, attempt.cache.scheme().gather.rays);
         let found =
             compare(&self.layers(&image), &reference.picture, &compare::Options::default())?;
         let plain = |c: char| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' };
@@ -232,7 +235,7 @@ impl Stage<'_> {
             wanted,
             records,
             equal: (records as f64 / wanted as f64 - 1.0).abs() <= TOLERANCE,
-            error: attempt.cache.scheme().error,
+            error: attempt.cache.scheme().validity.error,
             passes: attempt.passes,
             seconds: attempt.seconds,
             uncovered,

@@ -1,6 +1,6 @@
 //! The allowed error that gives a scheme a wanted number of records, and the cache that has them.
 
-use crate::cache::{Cache, FillPlan, Order, Scheme, ShadingPoint};
+use crate::cache::{Cache, FillPlan, Schedule, Scheme, ShadingPoint};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::render::{Caches, Settings, pixel_order};
@@ -87,7 +87,7 @@ impl Stage<'_> {
         pixels.retain(|&p| self.seen[p as usize].is_some());
         let start = Instant::now();
         let scene = tracer.scene;
-        let lobes = if scheme.radiance_diffuse {
+        let lobes = if scheme.whole() {
             GlossyLobes::new(scene, &scheme, settings.max_bounces).map(Arc::new)
         } else {
             None
@@ -106,12 +106,12 @@ impl Stage<'_> {
         let world = SceneWorld::new(tracer, lobes.as_deref(), &scheme)
             .with_look(&look)
             .with_viewer(&towards);
-        let scanline = scheme.order == Order::Scanline;
+        let scanline = scheme.schedule.is_by_row();
         let round = if scanline { settings.size[0] as usize } else { 0 };
         let plan = FillPlan { deeper_points: 0, round, seed: settings.seed };
         let births = caches.fill(&world, &points, &plan, self.progress)?;
         let mut limits = vec![u32::MAX; self.seen.len()];
-        if scheme.passes == 1 {
+        if scheme.schedule == Schedule::OnePass {
             points.iter().zip(births).for_each(|(p, birth)| limits[p.number as usize] = birth);
         }
         let passes = caches.report.irradiance.iter().map(|f| f.passes).sum();

@@ -8,9 +8,7 @@
 //! may then have the first level [refined](Cache::refine): records that disagree where they overlap
 //! are allowed less error, and more records are made between them.
 
-mod preset;
 mod scheme;
-mod scheme_check;
 mod record;
 mod payload;
 mod store;
@@ -21,13 +19,14 @@ pub use fill::{
     scattered,
 };
 pub use payload::{
-    Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, HitStorage, Irradiance,
-    Lobes, Payload, Projector, Quadratic, RadianceMetric, RadiancePlacement, Reflector, Storage,
+    Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lobes, Payload,
+    Projector, Quadratic, Reflector,
 };
-pub use preset::{PRESETS, Preset};
 pub use record::{Area, Envelope, Fences, Nearest, RadiusRule, Record, SECTORS};
 pub use scheme::{
-    Contents, ErrorMeasure, Extrapolation, FootprintKind, Kernel, Metric, Order, RadianceBands,
-    RadianceFrame, Refinement, Scheme, Strata, Weight,
+    Allowed, Bands, Bounds, Clamping, Contents, Extrapolation, Gather, Glossy, GlossyBasis,
+    GlossyMetric, Hits, Kernel, Measure, Metric, Outline, PRESETS, Placement, Preset, Radius,
+    Refinement, RefinementRule, Schedule, Scheme, Setting, Storage, Strata, Validity, Weight,
+    settings, settings_page,
 };
 pub use store::{Answer, Behind, Cache, CacheFile, Index, Level, Live, Origin, Snapshot, Store};

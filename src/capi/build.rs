@@ -60,7 +60,7 @@ impl CacheObject {
     ) -> Outcome<Built> {
         let (scheme, seed) = (&settings.scheme, settings.seed);
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
-        let wanted = have_wo || scheme.radiance_diffuse;
+        let wanted = have_wo || scheme.whole();
         let lobes = lobes.or_else(|| {
             let new = || GlossyLobes::new(scene, scheme, settings.max_bounces);
             wanted.then(new).flatten().map(Arc::new)
@@ -107,7 +107,7 @@ impl CacheObject {
             (wanted.order > 0).then_some(ShadingPoint { irradiance: false, ..wanted })
         };
         let of_radiance = numbered().filter_map(found);
-        if settings.scheme.radiance_diffuse {
+        if settings.scheme.whole() {
             of_radiance.collect()
         } else {
             of_irradiance.chain(of_radiance).collect()

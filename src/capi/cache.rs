@@ -9,7 +9,7 @@ use super::scene::{SceneObject, World};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error,
 };
-use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme};
+use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
 use crate::hosted::{Exchange, Host, HostProbe};
 use crate::progress::Progress;
@@ -237,7 +237,7 @@ impl Settings {
             })
         };
         match name {
-            "preset" => self.scheme = Preset::by_name(value)?.scheme(),
+            "preset" => self.scheme = Preset::from_name_or_text(value)?.scheme(),
             "quality" => {
                 let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
                 let quality: f32 = quality.ok_or_else(|| {
@@ -251,8 +251,8 @@ impl Settings {
             "seed" => self.seed = number(0, i64::MAX)? as u64,
             "deeper_points" => self.deeper_points = number(0, 1 << 24)? as u32,
             _ => {
-                let fields = serde_json::to_value(&self.scheme).unwrap_or_default();
-                if fields.get(name).is_none() {
+                let groups = ["refinement", "glossy"];
+                if !groups.contains(&name) && settings().iter().all(|s| s.name != name) {
                     return Err(Fault::new(
                         LUMI_ERROR_UNSUPPORTED,
                         format!("there is no setting `{name}`"),
@@ -267,7 +267,8 @@ impl Settings {
 
 /// Makes an empty cache for a committed scene; the caller owns a reference to it.
 ///
-/// `preset`: name of a caching scheme as `lumicache presets` lists them; NULL: "auto".
+/// `preset`: name of a caching scheme as `lumicache presets` lists them, or a TOML text as
+/// `lumicache presets NAME` shows it; NULL: "auto".
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -280,7 +281,7 @@ pub unsafe extern "C" fn lumi_cache_new(
         clear(out)?;
         let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
-        let scheme = Preset::by_name(preset)?.scheme();
+        let scheme = Preset::from_name_or_text(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
         let settings =
             Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
@@ -315,7 +316,8 @@ pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
     guard_void("lumi_cache_release", || release::<CacheObject>(cache));
 }
 
-/// Sets a number of the scheme, such as "error", "max_radius" or "quality". Fails with
+/// Sets a number of the scheme, such as "validity.error", "radius.max_radius"
+/// or "quality". Fails with
 /// LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
 /// LUMI_ERROR_INVALID_OPERATION once the cache has records.
 ///
@@ -331,7 +333,7 @@ pub unsafe extern "C" fn lumi_cache_set_f32(
     })
 }
 
-/// Sets a whole number: "rays", "levels", "passes" and other fields of the scheme, "max_bounces"
+/// Sets a whole number: "gather.rays", "levels" and other settings of the scheme, "max_bounces"
 /// (-1: no bound), "seed", "deeper_points" (points of each deeper level). See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
@@ -346,8 +348,8 @@ pub unsafe extern "C" fn lumi_cache_set_i32(
     })
 }
 
-/// Sets a word: "preset", which resets the whole scheme, or any setting written as `lumicache
-/// presets` shows it. See lumi_cache_set_f32.
+/// Sets a word: "preset", which resets the whole scheme to a preset or to a TOML text, or any
+/// setting written as `lumicache presets NAME --all` shows it. See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]

@@ -2,7 +2,7 @@
 
 use super::caches::Caches;
 use super::settings::{Settings, camera_sample, pixel_order};
-use crate::cache::{FillPlan, Order, ShadingPoint};
+use crate::cache::{FillPlan, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -46,7 +46,7 @@ pub fn fill_for_camera(
         .with_viewer(&towards);
     let plan = FillPlan {
         deeper_points: DEEPER_POINTS,
-        round: if settings.scheme.order == Order::Scanline { width } else { 0 },
+        round: if settings.scheme.schedule.is_by_row() { width } else { 0 },
         seed: settings.seed,
     };
     let made = caches.fill(&world, &points, &plan, progress)?;
@@ -82,7 +82,7 @@ fn visible(
             Some((caches.cache.shading_point(0, number, point, order), diffuse))
         })
         .collect();
-    if let Some(lobes) = caches.lobes.as_mut().filter(|_| !scheme.radiance_diffuse) {
+    if let Some(lobes) = caches.lobes.as_mut().filter(|_| !scheme.whole()) {
         let mut paths = vec![0.0; tracer.scene.materials().len()];
         for (p, _) in visible.iter().filter(|(p, _)| p.order > 0) {
             paths[p.point.material as usize] += settings.spp as f32;

@@ -2,7 +2,7 @@
 //! paths may end.
 
 use super::path::Vertex;
-use crate::cache::{RadianceBands, Scheme};
+use crate::cache::{Bands, Scheme};
 use crate::gather::{Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
@@ -24,23 +24,23 @@ impl GlossyLobes {
     /// The lobes that `scheme` asks for in `scene`; `None` where the scheme or the scene has
     /// nothing for a radiance cache.
     pub fn new(scene: &Scene, scheme: &Scheme, max_bounces: u32) -> Option<Self> {
-        let levels = u32::from(scheme.levels.min(scheme.radiance_levels)).min(max_bounces);
-        if scheme.radiance_order == 0 || levels == 0 {
+        let levels = u32::from(scheme.levels.min(scheme.glossy().levels)).min(max_bounces);
+        if scheme.glossy.is_none() || levels == 0 {
             return None;
         }
         let wanted = TableSettings {
-            basis: scheme.radiance_basis,
-            order: usize::from(scheme.radiance_order),
-            loss: scheme.radiance_loss,
-            padding: scheme.radiance_padding,
-            whole: scheme.radiance_diffuse,
-            forced: scheme.radiance_bands == RadianceBands::All,
+            basis: scheme.glossy().basis.kind(),
+            order: usize::from(scheme.glossy().order),
+            loss: scheme.glossy().loss,
+            padding: scheme.glossy().bands == Bands::Padded,
+            whole: scheme.whole(),
+            forced: scheme.glossy().bands == Bands::All,
         };
         let tables = GlossyTables::new(scene.materials(), wanted, scene.tables());
-        if tables.is_empty() && !scheme.radiance_diffuse {
+        if tables.is_empty() && !scheme.whole() {
             return None;
         }
-        let materials = vec![scheme.radiance_break_even <= 0.0; scene.materials().len()];
+        let materials = vec![scheme.glossy().break_even() <= 0.0; scene.materials().len()];
         Some(Self { tables: Arc::new(tables), materials })
     }
 
@@ -52,7 +52,7 @@ impl GlossyLobes {
     /// Caches the lobes of those materials, too, for which records take the place of enough paths:
     /// `paths` says of how many.
     pub fn admit(&mut self, paths: &[f32], scheme: &Scheme) {
-        let enough = scheme.radiance_break_even * scheme.for_radiance().rays as f32;
+        let enough = scheme.glossy().break_even() * scheme.gather.rays as f32;
         self.materials.iter_mut().zip(paths).for_each(|(cached, &n)| *cached |= n >= enough);
     }
 
@@ -71,8 +71,8 @@ impl GlossyLobes {
         CachedLobes {
             tables: &self.tables,
             materials: &self.materials,
-            share: scheme.radiance_share,
-            curved_order: scheme.radiance_curved_order,
+            share: scheme.glossy().share(),
+            curved_order: scheme.glossy().curved_order(),
         }
     }
 }

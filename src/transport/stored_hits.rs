@@ -4,7 +4,7 @@
 use super::IndirectLight;
 use super::path::{PathTracer, Start, Vertex};
 use super::points::position_hash;
-use crate::cache::{Answer, Harmonics, HitStorage, Store};
+use crate::cache::{Answer, Harmonics, Hits, Store};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
@@ -35,17 +35,17 @@ impl PathTracer<'_> {
     }
 
     /// The glossy reflection at `v` of the hits that `records` keep as `storage` says; with
-    /// [`HitStorage::Traced`] the light that leaves each of them towards `v` is found anew.
+    /// [`Hits::Retraced`] the light that leaves each of them towards `v` is found anew.
     pub(super) fn reflect_hits(
         &self,
         v: &Vertex,
         limit: u32,
-        (records, storage): (&Store<Harmonics>, HitStorage),
+        (records, storage): (&Store<Harmonics>, Hits),
         known: IndirectLight,
     ) -> Option<Answer> {
         let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
-        let traced = storage == HitStorage::Traced && self.max_bounces > 0;
+        let traced = storage == Hits::Retraced && self.max_bounces > 0;
         let mut number = 0;
         records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
             number += 1;

@@ -4,7 +4,7 @@ use crate::cache::payload::{DirectSamples, Irradiance, Payload};
 use crate::cache::record::{Envelope, RadiusRule, Record};
 use crate::cache::scheme::Contents;
 use crate::cache::store::{Behind, Rules};
-use crate::gather::{HemisphereSamples, HitChange, Layout, RadianceProbe};
+use crate::gather::{Density, HemisphereSamples, HitChange, Layout, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::math::luminance;
 use crate::sampling::hash;
@@ -69,9 +69,13 @@ impl<'a, P: Payload> Gatherer<'a, P> {
     /// An empty gather of this layout.
     pub fn empty_gather(&self, layout: Layout) -> HemisphereSamples {
         let scheme = self.rules.scheme;
-        let paths = if self.level == 0 { scheme.light_paths } else { 0 };
-        let change = if P::HOLDS_RADIANCE { scheme.hit_change } else { HitChange::None };
-        HemisphereSamples::new(layout, scheme.density).with_light_paths(paths).with_change(change)
+        let paths = if self.level == 0 { scheme.extrapolation.light_paths() } else { 0 };
+        let (density, change) = if P::HOLDS_RADIANCE {
+            (scheme.glossy().density(), scheme.glossy().hits.change())
+        } else {
+            (Density::Cosine, HitChange::None)
+        };
+        HemisphereSamples::new(layout, density).with_light_paths(paths).with_change(change)
     }
 
     /// The record of a gather at `at`, which asks for `order` bands. `others` are the records so
@@ -85,7 +89,7 @@ impl<'a, P: Payload> Gatherer<'a, P> {
     ) -> Gathered<P> {
         let first =
             Gathered { record: self.gather(samples, at, order), origin: *at, retaken: false };
-        if !self.rules.scheme.neighbour_clamp {
+        if !self.rules.scheme.clamping.neighbours() {
             return first;
         }
         // Rays that slip through a crack beside the point see too far. Two neighbours that see much
@@ -136,11 +140,8 @@ impl<'a, P: Payload> Gatherer<'a, P> {
     pub fn estimate(&self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8) -> Record<P> {
         let scheme = self.rules.scheme;
         let lit = self.level == 0 && scheme.contents == Contents::DirectAndIndirect;
-        let direct = if lit {
-            DirectSamples::new(self.probe, scheme, at, samples, self.seed_at(at))
-        } else {
-            None
-        };
+        let direct =
+            if lit { DirectSamples::new(self.probe, at, samples, self.seed_at(at)) } else { None };
         let record = Irradiance::gathered(scheme, &self.final_rule, at, samples, direct.as_ref());
         P::estimate(self.context, samples, at, order, record, &self.rule)
     }

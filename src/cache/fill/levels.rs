@@ -4,11 +4,9 @@ use super::gatherer::Gatherer;
 use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint};
 use super::refinement::refine;
 use super::rounds::Filling;
-use crate::cache::payload::{
-    Harmonics, Irradiance, Payload, Projection, RadiancePlacement, Reflector,
-};
+use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
 use crate::cache::record::Record;
-use crate::cache::scheme::Refinement;
+use crate::cache::scheme::Placement;
 use crate::cache::store::{Cache, Store};
 use crate::error::{Error, Result};
 use crate::gather::RadianceProbe;
@@ -103,8 +101,8 @@ impl Cache {
         order: u8,
     ) -> ShadingPoint {
         let scheme = self.scheme();
-        let everywhere = scheme.radiance_diffuse && level < self.radiance_level_count();
-        let order = if everywhere { scheme.radiance_order } else { order };
+        let everywhere = scheme.whole() && level < self.radiance_level_count();
+        let order = if everywhere { scheme.glossy().order } else { order };
         ShadingPoint { number, point, irradiance: order == 0, order }
     }
 
@@ -205,7 +203,7 @@ impl Cache {
         let sum = &mut sum[usize::from(level)];
         sum.add(&stats);
         if level == 0
-            && self.scheme().refinement != Refinement::None
+            && self.scheme().refinement.is_some()
             && let Some(looks) = world.appearances(chosen, radiance)
         {
             let refined = if radiance {
@@ -215,7 +213,7 @@ impl Cache {
             };
             sum.add(&refined);
         }
-        if radiance && self.scheme().radiance_diffuse {
+        if radiance && self.scheme().whole() {
             let level = &mut self.levels[usize::from(level)];
             level.irradiance = Arc::new(level.radiance().expect("it was filled").irradiance());
         }
@@ -344,7 +342,7 @@ impl Cache {
         let (Some(projector), Some(rules)) = (self.projector(), self.radiance_rules()) else {
             return;
         };
-        if rules.scheme.radiance_placement != RadiancePlacement::View {
+        if rules.scheme.glossy().metric.placement() != Placement::View {
             return;
         }
         let rule = rules.when_filled(0);

@@ -5,7 +5,7 @@ use super::gatherer::{Gathered, Gatherer};
 use super::points::{FillStats, LevelPoints};
 use crate::cache::payload::Payload;
 use crate::cache::record::{Envelope, Record, clamp_to_neighbours};
-use crate::cache::scheme::FootprintKind;
+use crate::cache::scheme::Outline;
 use crate::cache::store::Index;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
@@ -78,7 +78,7 @@ impl<'a, P: Payload> Filling<'a, P> {
     fn survey(&mut self, errors_differ: bool) {
         let (records, rule) = (&self.records, &self.gatherer.rule);
         self.envelope = Envelope::build(records.iter().map(|r| (r.position, r.length_unclamped)));
-        self.spread = (self.gatherer.rules.scheme.footprint == FootprintKind::Sectors).then(|| {
+        self.spread = (self.gatherer.rules.scheme.radius.area == Outline::Sectors).then(|| {
             let mean = |r: &Record<P>| (r.position, rule.length_of(rule.area(r).0.mean()));
             Envelope::build(records.iter().map(mean))
         });
@@ -224,7 +224,7 @@ impl<'a, P: Payload> Filling<'a, P> {
     /// Tells all records of each other, after some were made.
     fn settle(&mut self) {
         self.survey(self.nearest.is_some());
-        if self.gatherer.rules.scheme.neighbour_clamp {
+        if self.gatherer.rules.scheme.clamping.neighbours() {
             clamp_to_neighbours(&mut self.records, &self.envelope);
         }
     }
@@ -238,7 +238,7 @@ impl<'a, P: Payload> Filling<'a, P> {
     fn regather_noisy(&mut self) {
         let gatherer = &self.gatherer;
         let scheme = gatherer.rules.scheme;
-        if gatherer.level > 0 || scheme.noise <= 0.0 {
+        if gatherer.level > 0 || scheme.gather.noise <= 0.0 {
             return;
         }
         let index = gatherer.rules.index(&self.records, gatherer.final_rule);
@@ -250,7 +250,7 @@ impl<'a, P: Payload> Filling<'a, P> {
                 variance += record.sigma * record.sigma;
                 square += luminance(record.payload.irradiance().irradiance).powi(2);
             });
-            variance > scheme.noise * scheme.noise * square
+            variance > scheme.gather.noise * scheme.gather.noise * square
         };
         let layout = scheme.layout(gatherer.level);
         let layout = layout.with_rays(MORE_RAYS * layout.rays() as u32);

@@ -1,6 +1,6 @@
 //! Which records refinement keeps away from a point, by the law of Weber.
 
-use crate::cache::scheme::{Refinement, Scheme, Weight};
+use crate::cache::scheme::{RefinementRule, Scheme, Weight};
 
 /// A record as one point sees it while the point decides.
 #[derive(Clone, Copy)]
@@ -27,7 +27,7 @@ const EPSILON: f32 = 1e-4;
 pub(super) struct Weber {
     weight: Weight,
     contrast: f32,
-    /// See [`Refinement::WeberNearest`].
+    /// See [`RefinementRule::WeberNearest`].
     spares_nearest: bool,
 }
 
@@ -35,9 +35,11 @@ impl Weber {
     /// The rule of `scheme`.
     pub fn new(scheme: &Scheme) -> Self {
         Self {
-            weight: scheme.weight,
-            contrast: scheme.contrast,
-            spares_nearest: scheme.refinement == Refinement::WeberNearest,
+            weight: scheme.validity.weight,
+            contrast: scheme.refinement.unwrap_or_default().contrast,
+            spares_nearest: scheme
+                .refinement
+                .is_some_and(|r| r.rule == RefinementRule::WeberNearest),
         }
     }
 

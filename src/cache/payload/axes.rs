@@ -20,6 +20,10 @@ const SHORTER: f32 = 0.75;
 const SPIKE: f32 = 2.5;
 /// Errors are relative to the irradiance and this share of the largest along the axis.
 const DARK: f32 = 0.01;
+/// Light samples for the direct light of a record.
+const LIGHT_RAYS: u32 = 256;
+/// Light samples for each place on its axes where direct light is asked for.
+const AXIS_LIGHT_RAYS: u32 = 32;
 
 /// The change of irradiance along something: `linear t + square t²`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,7 +138,6 @@ impl<'a> DirectSamples<'a> {
     /// Light that `probe` knows of around `at`, where `samples` have been gathered.
     pub fn new(
         probe: &'a dyn RadianceProbe,
-        scheme: &Scheme,
         at: &SurfacePoint,
         samples: &HemisphereSamples,
         seed: u64,
@@ -145,10 +148,8 @@ impl<'a> DirectSamples<'a> {
             LightChoice { samples, every, seen: number == 0, seed: hash(&[seed, 5, number]) }
         };
         let mut center = Vec::new();
-        probe
-            .lights(at, bundle, choice(scheme.light_rays, 0))?
-            .arriving(&[at.position], &mut center);
-        Some(Self { center, beside: probe.lights(at, bundle, choice(scheme.axis_light_rays, 1))? })
+        probe.lights(at, bundle, choice(LIGHT_RAYS, 0))?.arriving(&[at.position], &mut center);
+        Some(Self { center, beside: probe.lights(at, bundle, choice(AXIS_LIGHT_RAYS, 1))? })
     }
 }
 
@@ -269,7 +270,9 @@ pub(super) fn fit(
         let quadratics = loop {
             let values = fit.along(k, lengths[k], end);
             let (quadratics, error) = fit.quadratics(&values);
-            if scheme.axis_error <= 0.0 || error <= scheme.axis_error {
+            if scheme.extrapolation.axis_error() <= 0.0
+                || error <= scheme.extrapolation.axis_error()
+            {
                 break quadratics;
             }
             if lengths[k] <= shortest {

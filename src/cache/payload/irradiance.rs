@@ -12,6 +12,9 @@ use std::sync::Arc;
 /// of the irradiance: where a silhouette crosses another edge the Hessian may be wrong.
 pub(super) const SECOND_ORDER: f32 = 0.25;
 
+/// Share of the rays whose mean distance bounds R_i.
+const NEAREST: f32 = 0.02;
+
 /// The second-order part of a record's extrapolation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curve {
@@ -59,7 +62,7 @@ impl Irradiance {
         direct: Option<&DirectSamples>,
     ) -> Record<Self> {
         let irradiance = samples.irradiance();
-        let rotation = if scheme.rotational_gradient {
+        let rotation = if scheme.extrapolation.rotates() {
             samples.rotational_gradient().to_world(&at.frame)
         } else {
             Mat3::ZERO
@@ -67,11 +70,11 @@ impl Irradiance {
         let derivatives = metric::derivatives(scheme, samples);
         let gradient = derivatives.gradient;
         let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, rule.scene_size());
-        if scheme.nearest_fraction > 0.0 {
-            let nearest = scheme.nearest_scale * samples.nearest_distance(scheme.nearest_fraction);
+        if scheme.radius.nearest > 0.0 {
+            let nearest = scheme.radius.nearest * samples.nearest_distance(NEAREST);
             shape = shape.map(|r| r.min(nearest));
         }
-        if scheme.gradient_clamp {
+        if scheme.clamping.gradient() {
             // Luminance, not the smallest channel: a channel that is nearly black would shrink
             // every record beside a coloured wall.
             let slope = [luminance(gradient.s), luminance(gradient.t)];
@@ -83,16 +86,16 @@ impl Irradiance {
                 };
                 // The published clamps bound R_i of metrics that are distances, but the radius
                 // itself of those that estimate an error.
-                let scale = if scheme.metric.is_distance() { 1.0 } else { rule.scale() };
+                let scale = if scheme.radius.metric.is_distance() { 1.0 } else { rule.scale() };
                 if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
         let mut axes = None;
-        if scheme.extrapolation == Extrapolation::Axes {
+        if scheme.extrapolation.has_axes() {
             let (fitted, fitting) = axes::fit(scheme, rule, at, samples, irradiance, shape, direct);
             (axes, shape) = (Some(Arc::new(fitted)), fitting);
         }
-        let fences = if scheme.fences {
+        let fences = if scheme.validity.fences {
             Fences::new(samples, at.position, rule.radius(shape.longest(), at.footprint).0)
         } else {
             Fences::default()
@@ -104,7 +107,7 @@ impl Irradiance {
             payload: Self {
                 irradiance,
                 rotation,
-                translation: if scheme.extrapolation == Extrapolation::Zero {
+                translation: if !scheme.extrapolation.translates() {
                     Mat3::ZERO
                 } else {
                     gradient.to_world(&at.frame)

@@ -6,8 +6,7 @@ mod irradiance;
 mod kind;
 mod harmonics;
 
-pub use axes::{Axes, Change, Direct, DirectSamples, MAX_TILT, Quadratic};
-pub use harmonics::{Harmonics, HitStorage, Projection, Projector};
-pub use harmonics::{RadianceMetric, RadiancePlacement, Reflector, Storage};
+pub use axes::{Axes, Change, Direct, DirectSamples, Quadratic};
+pub use harmonics::{Harmonics, Projection, Projector, Reflector};
 pub use irradiance::{Curve, Irradiance};
 pub use kind::{Appearance, Lobes, Payload, Seen};

@@ -18,8 +18,8 @@
 //! no derivatives.
 
 use super::area::{Area, SECTORS};
-use crate::cache::scheme::{ErrorMeasure, FootprintKind, Metric, Scheme};
-use crate::gather::{Derivatives, HemisphereSamples};
+use crate::cache::scheme::{Measure, Metric, Outline, Scheme};
+use crate::gather::{Derivatives, HemisphereSamples, TriangleRadiance};
 use crate::math::{Color, DMat2, DVec2, Frame, luminance};
 use std::f64::consts::{FRAC_PI_8, PI};
 
@@ -30,14 +30,14 @@ pub(in crate::cache) const FLOOR: f64 = 0.01;
 /// estimated together, and only where the scheme asks for them.
 pub(in crate::cache) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples) -> Derivatives {
     let mut d = if scheme.triangulates() {
-        samples.triangulated(scheme.triangle_radiance)
+        samples.triangulated(TriangleRadiance::Hybrid)
     } else {
         Derivatives::default()
     };
-    if scheme.translational_gradient != crate::gather::TranslationalGradient::Triangulated {
-        d.gradient = samples.translational_gradient(scheme.translational_gradient);
+    if scheme.gather.gradient != crate::gather::TranslationalGradient::Triangulated {
+        d.gradient = samples.translational_gradient(scheme.gather.gradient);
     }
-    if scheme.metric == Metric::UnoccludedHessian {
+    if matches!(scheme.radius.metric, Metric::UnoccludedHessian(_)) {
         d.hessian = samples.unoccluded_hessian();
     }
     d
@@ -52,36 +52,34 @@ pub(in crate::cache) fn shape(
     scene_size: f32,
 ) -> Area {
     let disc = |r| Area::Disc { r };
-    match scheme.metric {
-        Metric::Minimum | Metric::MinimumRestricted
-            if scheme.footprint == FootprintKind::Sectors =>
-        {
+    match scheme.radius.metric {
+        Metric::Minimum | Metric::MinimumRestricted if scheme.radius.area == Outline::Sectors => {
             sectors(
                 scheme,
                 samples.frame(),
-                samples.sector_distances(scheme.metric == Metric::MinimumRestricted),
+                samples.sector_distances(scheme.radius.metric == Metric::MinimumRestricted),
             )
         }
         Metric::Harmonic => disc(samples.harmonic_distance()),
         Metric::Minimum => disc(samples.minimum_distance()),
         Metric::MinimumRestricted => disc(samples.minimum_distance_restricted()),
-        Metric::Gradient | Metric::Hessian | Metric::UnoccludedHessian => {
+        Metric::Gradient(_) | Metric::Hessian(_) | Metric::UnoccludedHessian(_) => {
             let size = f64::from(scene_size);
             let lit = luminance(irradiance) > 0.0;
             let e = if lit { f64::from(luminance(irradiance)) } else { PI };
             // Of the mean radiance, or of a world of radiance 1.
             let floor = if lit { FLOOR * e / PI } else { 1.0 };
-            if scheme.metric == Metric::Gradient {
+            if matches!(scheme.radius.metric, Metric::Gradient(_)) {
                 let [s, t] = [derivatives.gradient.s, derivatives.gradient.t]
                     .map(|c| f64::from(luminance(c)));
                 let slope = s.hypot(t) + floor * f64::from(samples.geometric_slope());
-                return disc(first_order(scheme.error_measure, e, slope, size) as f32);
+                return disc(first_order(scheme.radius.metric.measure(), e, slope, size) as f32);
             }
             let curvature = Curvature { scheme, size, e, frame: samples.frame() };
             let floor = floor * samples.geometric_curvature();
             let h = &derivatives.hessian;
-            match scheme.footprint {
-                FootprintKind::Sectors => curvature.sectors(|u| {
+            match scheme.radius.area {
+                Outline::Sectors => curvature.sectors(|u| {
                     let h = h.apply(u.as_vec2(), u.as_vec2());
                     f64::from(self::size(h)) + u.dot(floor * u)
                 }),
@@ -99,10 +97,10 @@ pub(in crate::cache) fn shape(
 /// The radius at which |g·x| over a disc is e on average, or adds up to e times the square of the
 /// scene's size: `∫|g·x| = (4/3) R³ |g|`. The thesis of Zhao prints `π R² |g|` [Zhao, Eq. 3.6],
 /// which has another dimension.
-fn first_order(measure: ErrorMeasure, e: f64, slope: f64, size: f64) -> f64 {
+fn first_order(measure: Measure, e: f64, slope: f64, size: f64) -> f64 {
     match measure {
-        ErrorMeasure::Average => 0.75 * PI * e / slope,
-        ErrorMeasure::Total => (0.75 * e * size * size / slope).cbrt(),
+        Measure::Average => 0.75 * PI * e / slope,
+        Measure::Total => (0.75 * e * size * size / slope).cbrt(),
     }
 }
 
@@ -119,29 +117,29 @@ pub(in crate::cache) struct Curvature<'a> {
 impl Curvature<'_> {
     /// Semi-axes for the eigenvalues `large >= small >= 0`, the shorter one first.
     fn semi_axes(&self, large: f64, small: f64) -> [f64; 2] {
-        let widest = f64::from(self.scheme.max_aspect);
+        let widest = f64::from(self.scheme.radius.max_aspect);
         if large <= 0.0 {
             return [f64::INFINITY; 2];
         }
         let total = self.e * self.size * self.size;
-        if self.scheme.footprint == FootprintKind::Ellipse
-            && self.scheme.error_measure == ErrorMeasure::Total
+        if self.scheme.radius.area == Outline::Ellipse
+            && self.scheme.radius.metric.measure() == Measure::Total
         {
             // As published, axis by axis.
             let [short, long] = [large, small].map(|l| (4.0 * total / (PI * l)).powf(0.25));
             return [short, long.min(widest * short)];
         }
-        let ratio = match self.scheme.footprint {
-            FootprintKind::Ellipse => (large / small).powf(0.25),
-            FootprintKind::OptimalEllipse => (large / small).sqrt(),
-            FootprintKind::Disc | FootprintKind::Sectors => 1.0,
+        let ratio = match self.scheme.radius.area {
+            Outline::Ellipse => (large / small).powf(0.25),
+            Outline::OptimalEllipse => (large / small).sqrt(),
+            Outline::Disc | Outline::Sectors => 1.0,
         };
         // The aspect is what it is, perhaps clamped; the size follows from the error.
         let aspect = ratio.min(widest);
         let bend = large + small * aspect * aspect;
-        let short = match self.scheme.error_measure {
-            ErrorMeasure::Average => (8.0 * self.e / bend).sqrt(),
-            ErrorMeasure::Total => (8.0 * total / (PI * aspect * bend)).powf(0.25),
+        let short = match self.scheme.radius.metric.measure() {
+            Measure::Average => (8.0 * self.e / bend).sqrt(),
+            Measure::Total => (8.0 * total / (PI * aspect * bend)).powf(0.25),
         };
         [short, aspect * short]
     }
@@ -155,7 +153,7 @@ impl Curvature<'_> {
 
     /// The ellipse, or the disc, with the semi-axes `r` and the shorter one along `axis`.
     pub fn outline(&self, axis: DVec2, r: [f32; 2]) -> Area {
-        if self.scheme.footprint == FootprintKind::Disc {
+        if self.scheme.radius.area == Outline::Disc {
             return Area::Disc { r: r[0] };
         }
         let axis = axis.as_vec2();
@@ -188,7 +186,7 @@ impl Curvature<'_> {
 
 /// Sectors around the axes of `frame`, none of them longer than the scheme allows.
 fn sectors(scheme: &Scheme, frame: &Frame, r: [f32; SECTORS]) -> Area {
-    let longest = scheme.max_aspect * r.iter().copied().fold(f32::INFINITY, f32::min);
+    let longest = scheme.radius.max_aspect * r.iter().copied().fold(f32::INFINITY, f32::min);
     Area::Sectors { axis: frame.s, r: r.map(|r| r.min(longest)) }
 }
 
@@ -223,7 +221,7 @@ pub(in crate::cache) fn eigen(m: DMat2) -> ([f64; 2], DVec2) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cache::Preset;
+    use crate::cache::{Preset, Radius};
     use crate::math::Vec3;
     use crate::sampling::Rng;
 
@@ -252,13 +250,11 @@ mod tests {
         assert_eq!(absolute(-2.0 * DMat2::IDENTITY), 2.0 * DMat2::IDENTITY);
     }
 
-    fn scheme(footprint: FootprintKind, error_measure: ErrorMeasure, max_aspect: f32) -> Scheme {
-        Scheme {
-            footprint,
-            error_measure,
-            max_aspect,
-            ..Preset::by_name("schwarzhaupt12").unwrap().scheme()
-        }
+    fn scheme(area: Outline, measure: Measure, max_aspect: f32) -> Scheme {
+        let mut scheme = Preset::by_name("schwarzhaupt12").unwrap().scheme();
+        let metric = Metric::Hessian(measure);
+        scheme.radius = Radius { metric, area, max_aspect, ..scheme.radius };
+        scheme
     }
 
     /// The midpoints of n² equal cells of the square of sides 1 and 2π: radius and azimuth of a
@@ -284,10 +280,8 @@ mod tests {
     fn ellipses_have_the_error_they_should() {
         let frame = Frame::from_normal(Vec3::Z);
         let (e, size) = (0.7, 3.0);
-        for footprint in
-            [FootprintKind::Disc, FootprintKind::Ellipse, FootprintKind::OptimalEllipse]
-        {
-            for measure in [ErrorMeasure::Average, ErrorMeasure::Total] {
+        for footprint in [Outline::Disc, Outline::Ellipse, Outline::OptimalEllipse] {
+            for measure in [Measure::Average, Measure::Total] {
                 for max_aspect in [2.0_f32, 1e6] {
                     let scheme = scheme(footprint, measure, max_aspect);
                     let curvature = Curvature { scheme: &scheme, size, e, frame: &frame };
@@ -295,13 +289,13 @@ mod tests {
                         let r = curvature.semi_axes(large, small);
                         assert!(r[0] <= r[1] && r[1] <= 1.0001 * f64::from(max_aspect) * r[0]);
                         let (total, area) = error(r, large, small);
-                        let got = if measure == ErrorMeasure::Total {
+                        let got = if measure == Measure::Total {
                             total / (size * size)
                         } else {
                             total / area
                         };
                         let mut factor = 1.0;
-                        if footprint == FootprintKind::Ellipse && measure == ErrorMeasure::Total {
+                        if footprint == Outline::Ellipse && measure == Measure::Total {
                             // The published axes do not meet the bound unless the eigenvalues are
                             // alike; once clamped they are below that.
                             let k = (large / small).powf(0.25);
@@ -329,16 +323,16 @@ mod tests {
             let sum: f64 = cells(n).map(|(s, phi)| (slope * r * s * phi.cos()).abs() * s).sum();
             sum * r * r * 2.0 * PI / f64::from(n * n)
         };
-        let r = first_order(ErrorMeasure::Average, e, slope, size);
+        let r = first_order(Measure::Average, e, slope, size);
         assert!((integral(r) / (PI * r * r * e) - 1.0).abs() < 1e-4);
-        let r = first_order(ErrorMeasure::Total, e, slope, size);
+        let r = first_order(Measure::Total, e, slope, size);
         assert!((integral(r) / (e * size * size) - 1.0).abs() < 1e-4);
     }
 
     #[test]
     fn sectors_are_short_where_irradiance_bends() {
         let frame = Frame::from_normal(Vec3::Z);
-        let scheme = scheme(FootprintKind::Sectors, ErrorMeasure::Average, 3.0);
+        let scheme = scheme(Outline::Sectors, Measure::Average, 3.0);
         let curvature = Curvature { scheme: &scheme, size: 1.0, e: 1.0, frame: &frame };
         // Bends along t only; the average over a disc of ½·4 x² is 4 R²/4.
         let Area::Sectors { r, .. } = curvature.sectors(|u| 4.0 * u.y * u.y) else {

@@ -27,23 +27,23 @@ impl RadiusRule {
     /// The reach on `level`; `smoothing` is 1 while the level fills.
     pub fn new(scheme: &Scheme, level: u8, scene_size: f32, smoothing: f32) -> Self {
         Self {
-            kernel: scheme.kernel,
-            widest_normal: SQRT_2 * (0.5 * scheme.normal_limit).sin(),
+            kernel: scheme.validity.kernel,
+            widest_normal: SQRT_2 * (0.5 * scheme.validity.normal_limit).sin(),
             // Other kernels end there by themselves, or a little later once they are smoothed.
-            least_cosine: if scheme.kernel == Kernel::Ward {
-                scheme.normal_limit.cos().max(0.0)
+            least_cosine: if scheme.validity.kernel == Kernel::Ward {
+                scheme.validity.normal_limit.cos().max(0.0)
             } else {
                 0.0
             },
             error: scheme.error_at(level),
             scale: scheme.radius_scale(level),
-            smallest_error: scheme.error_min,
+            smallest_error: scheme.error_min(),
             smoothing,
-            min_pixels: scheme.min_pixels,
+            min_pixels: scheme.radius.min_pixels,
             // Pixels bound records from above for the eye's sake; it does not see the deeper
             // levels.
-            max_pixels: if level == 0 { scheme.max_pixels } else { 0.0 },
-            max_radius: scheme.max_radius * scene_size,
+            max_pixels: if level == 0 { scheme.radius.max_pixels } else { 0.0 },
+            max_radius: scheme.radius.max_radius * scene_size,
             scene_size,
         }
     }

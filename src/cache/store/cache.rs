@@ -45,7 +45,7 @@ impl Cache {
     /// where the cache has radiance caches already or the scheme caches no radiance.
     #[must_use]
     pub fn with_radiance(mut self) -> Self {
-        if self.projector.is_some() || self.scheme.radiance_order == 0 {
+        if self.projector.is_some() || self.scheme.glossy.is_none() {
             return self;
         }
         let scheme = Arc::new(self.scheme.for_radiance());

@@ -50,12 +50,9 @@ impl Origin {
         max_bounces: u32,
         scene_size: f32,
     ) -> Self {
-        // By way of text: a number read back equals itself.
-        let text = serde_json::to_string(scheme).expect("a scheme is plain data");
-        let scheme = serde_json::from_str(&text).expect("just written");
         Self {
             scene,
-            scheme,
+            scheme: scheme.settings().into(),
             max_bounces: (max_bounces != u32::MAX).then_some(max_bounces),
             scene_size,
         }

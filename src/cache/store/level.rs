@@ -24,7 +24,7 @@ impl Rules<'_> {
 
     /// How far records are valid once `level` is filled.
     pub fn when_filled(&self, level: u8) -> RadiusRule {
-        RadiusRule::new(self.scheme, level, self.scene_size, self.scheme.smoothing)
+        RadiusRule::new(self.scheme, level, self.scene_size, self.scheme.validity.smoothing)
     }
 
     /// How far a record may lie in front of a point beside it.
@@ -33,7 +33,7 @@ impl Rules<'_> {
     }
 
     pub fn index<P: Payload>(&self, records: &[Record<P>], rule: RadiusRule) -> Index {
-        Index::build(records, rule, self.scheme.weight, self.in_front())
+        Index::build(records, rule, self.scheme.validity.weight, self.in_front())
     }
 
     /// `records` indexed as shading needs them.
@@ -44,7 +44,7 @@ impl Rules<'_> {
 
     /// The same of records whose neighbours are not known to them yet.
     pub fn clamped_store<P: Payload>(&self, level: u8, mut records: Vec<Record<P>>) -> Store<P> {
-        if self.scheme.neighbour_clamp {
+        if self.scheme.clamping.neighbours() {
             let sites = records.iter().map(|r| (r.position, r.length_unclamped));
             let envelope = Envelope::build(sites);
             clamp_to_neighbours(&mut records, &envelope);

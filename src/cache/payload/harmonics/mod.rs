@@ -6,7 +6,6 @@ mod record;
 mod projector;
 mod estimate;
 
-pub use placement::{RadianceMetric, RadiancePlacement, Reflector};
+pub use placement::Reflector;
 pub use projector::{Projection, Projector};
 pub use record::Harmonics;
-pub use vectors::{HitStorage, Storage};

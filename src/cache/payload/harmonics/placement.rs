@@ -14,37 +14,12 @@
 
 use crate::cache::record::Area;
 use crate::cache::record::metric::{Curvature, FLOOR, absolute, eigen};
-use crate::cache::scheme::{ErrorMeasure, FootprintKind, Scheme};
+use crate::cache::scheme::{GlossyMetric, Measure, Outline, Placement, Scheme};
 use crate::gather::{Coefficients, HemisphereSamples};
 use crate::geometry::SurfacePoint;
 use crate::material::tables::BrdfMatrix;
 use crate::math::{Color, DMat2, DVec2, Frame, PI, luminance};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-
-/// From which error the areas of radiance records follow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RadianceMetric {
-    /// The same as for irradiance records.
-    Irradiance,
-    /// That of using the coefficients unchanged [Zhao, Eq. 3.26].
-    First,
-    /// That of using the coefficients with their gradients [Zhao, Eq. 3.29].
-    Second,
-}
-
-/// Of what [`RadianceMetric`] takes the error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RadiancePlacement {
-    /// Incident radiance.
-    Incoming,
-    /// Outgoing radiance in all directions [Zhao, Sec. 3.7.1].
-    Outgoing,
-    /// Outgoing radiance towards the viewer [Zhao, Sec. 3.7.2].
-    View,
-}
 
 /// How surfaces reflect, in the basis of the radiance records. Both answers are in the frame of the
 /// point, whose position, normal and `wo` count; of what material it is, is looked up.
@@ -70,15 +45,13 @@ impl Response {
     /// What `placement` takes the error of, `self` being incident radiance at `at`.
     pub fn placed(
         self,
-        placement: RadiancePlacement,
+        placement: Placement,
         reflector: Option<&dyn Reflector>,
         at: &SurfacePoint,
     ) -> Self {
         let reflected = match (placement, reflector) {
-            (RadiancePlacement::Outgoing, Some(r)) => {
-                r.matrix(at).map(|m| self.map(|v| m.apply(v)))
-            }
-            (RadiancePlacement::View, Some(r)) => r.lobe(at).map(|c| self.map(|v| products(&c, v))),
+            (Placement::Outgoing, Some(r)) => r.matrix(at).map(|m| self.map(|v| m.apply(v))),
+            (Placement::View, Some(r)) => r.lobe(at).map(|c| self.map(|v| products(&c, v))),
             _ => None,
         };
         reflected.unwrap_or(self)
@@ -178,13 +151,13 @@ pub(super) fn shape(
     let inverse = if norm > 0.0 { 1.0 / norm } else { 0.0 };
     let curvature = Curvature { scheme, size: f64::from(scene_size), e: 1.0, frame };
     let slopes = inverse * inverse * response.slopes();
-    let shape = match scheme.radiance_metric {
-        RadianceMetric::First => first_order(&curvature, slopes, surroundings.slope),
-        RadianceMetric::Second | RadianceMetric::Irradiance => {
+    let shape = match scheme.glossy().metric {
+        GlossyMetric::First(_) => first_order(&curvature, slopes, surroundings.slope),
+        GlossyMetric::Second(_) | GlossyMetric::Irradiance => {
             second_order(&curvature, response, inverse, surroundings.curvature)
         }
     };
-    if !scheme.gradient_clamp {
+    if !scheme.clamping.gradient() {
         return shape;
     }
     shape.bounded(frame.n, |axis| {
@@ -203,26 +176,29 @@ pub(super) fn shape(
 /// with the eigenvalues g of JᵀJ, and `∫ |J x| = (2π/3) t³/sqrt(g_1 g_2)`. The thesis prints `π R²
 /// |∇Λ|` for a disc [Zhao, Eq. 3.25], which has another dimension.
 fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Area {
-    let disc = |slope: f64| match c.scheme.error_measure {
-        ErrorMeasure::Average => 1.5 / slope,
-        ErrorMeasure::Total => (3.0 * c.size * c.size / (TAU * slope)).cbrt(),
+    let disc = |slope: f64| match c.scheme.radius.metric.measure() {
+        Measure::Average => 1.5 / slope,
+        Measure::Total => (3.0 * c.size * c.size / (TAU * slope)).cbrt(),
     };
-    match c.scheme.footprint {
-        FootprintKind::Sectors => c.axes(|u| u.dot(slopes * u).max(0.0).sqrt() + floor, disc),
-        FootprintKind::Disc => {
+    match c.scheme.radius.area {
+        Outline::Sectors => c.axes(|u| u.dot(slopes * u).max(0.0).sqrt() + floor, disc),
+        Outline::Disc => {
             Area::Disc { r: disc((slopes.x_axis.x + slopes.y_axis.y).sqrt() + floor) as f32 }
         }
-        FootprintKind::Ellipse | FootprintKind::OptimalEllipse => {
+        Outline::Ellipse | Outline::OptimalEllipse => {
             let ([large, small], axis) = eigen(slopes);
             let [large, small] = [large, small].map(|g| g.max(0.0).sqrt() + floor);
-            let t = match c.scheme.error_measure {
-                ErrorMeasure::Average => 1.5,
-                ErrorMeasure::Total => (3.0 * c.size * c.size * large * small / TAU).cbrt(),
+            let t = match c.scheme.radius.metric.measure() {
+                Measure::Average => 1.5,
+                Measure::Total => (3.0 * c.size * c.size * large * small / TAU).cbrt(),
             };
             let short = t / large;
             c.outline(
                 axis,
-                [short as f32, (t / small).min(f64::from(c.scheme.max_aspect) * short) as f32],
+                [
+                    short as f32,
+                    (t / small).min(f64::from(c.scheme.radius.max_aspect) * short) as f32,
+                ],
             )
         }
     }
@@ -231,7 +207,7 @@ fn first_order(c: &Curvature, slopes: DMat2, floor: f64) -> Area {
 /// Areas over which the second-order error, relative, is as large as it may be: ellipses from the
 /// sum of the spectral absolute values, sectors from the quartic form of each direction.
 fn second_order(c: &Curvature, response: &Response, inverse: f64, floor: DMat2) -> Area {
-    if c.scheme.footprint != FootprintKind::Sectors {
+    if c.scheme.radius.area != Outline::Sectors {
         let sum = response
             .hessians()
             .map(|(weight, h)| weight * absolute(h))
@@ -274,9 +250,12 @@ impl Quartic {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cache::Preset;
+    use crate::cache::{Clamping, Glossy, Metric, Preset, Radius};
     use crate::math::Vec3;
     use crate::sampling::Rng;
+
+    const FIRST: GlossyMetric = GlossyMetric::First(Placement::Incoming);
+    const SECOND: GlossyMetric = GlossyMetric::Second(Placement::Incoming);
 
     fn response(seed: u64, turn: f32) -> Response {
         let mut rng = Rng::new(seed);
@@ -299,29 +278,23 @@ mod tests {
         Response { value, gradient, hessian }
     }
 
-    fn scheme(
-        metric: RadianceMetric,
-        footprint: FootprintKind,
-        error_measure: ErrorMeasure,
-    ) -> Scheme {
-        Scheme {
-            radiance_metric: metric,
-            footprint,
-            error_measure,
-            max_aspect: 1e6,
-            gradient_clamp: false,
-            ..Preset::by_name("schwarzhaupt12").unwrap().scheme()
-        }
+    fn scheme(metric: GlossyMetric, area: Outline, measure: Measure) -> Scheme {
+        let mut scheme = Preset::by_name("schwarzhaupt12").unwrap().scheme();
+        let (error, max_aspect) = (Metric::Hessian(measure), 1e6);
+        scheme.radius = Radius { metric: error, area, max_aspect, ..scheme.radius };
+        scheme.glossy = Some(Glossy { metric, ..Glossy::default() });
+        scheme.clamping = Clamping::None;
+        scheme
     }
 
     const NOTHING: Surroundings =
         Surroundings { curvature: DMat2::ZERO, slope: 0.0, incident: 0.0 };
 
     /// `|error|` at x, relative, of first or second order.
-    fn error(r: &Response, metric: RadianceMetric, x: DVec2) -> f64 {
+    fn error(r: &Response, metric: GlossyMetric, x: DVec2) -> f64 {
         let n = r.value.len() / 3;
         let square = |i: usize| -> f64 {
-            let e = if metric == RadianceMetric::First {
+            let e = if metric == FIRST {
                 x.x * f64::from(r.gradient[0][i]) + x.y * f64::from(r.gradient[1][i])
             } else {
                 let [ss, st, tt] = r.hessian.each_ref().map(|h| f64::from(h[i]));
@@ -339,11 +312,9 @@ mod tests {
         let size = 3.0;
         for seed in 0..4 {
             let r = response(seed, 0.0);
-            for metric in [RadianceMetric::First, RadianceMetric::Second] {
-                for footprint in
-                    [FootprintKind::Disc, FootprintKind::OptimalEllipse, FootprintKind::Sectors]
-                {
-                    for measure in [ErrorMeasure::Average, ErrorMeasure::Total] {
+            for metric in [FIRST, SECOND] {
+                for footprint in [Outline::Disc, Outline::OptimalEllipse, Outline::Sectors] {
+                    for measure in [Measure::Average, Measure::Total] {
                         let scheme = scheme(metric, footprint, measure);
                         let area = shape(&scheme, &r, &NOTHING, &frame, size as f32, 1.0);
                         let (axis, other) = (area.axis(Vec3::Z), Vec3::Z.cross(area.axis(Vec3::Z)));
@@ -362,7 +333,7 @@ mod tests {
                             total += cell * error(&r, metric, x);
                             whole += cell;
                         }
-                        let got = if measure == ErrorMeasure::Average {
+                        let got = if measure == Measure::Average {
                             total / whole
                         } else {
                             total / (size * size)
@@ -381,13 +352,11 @@ mod tests {
 
     #[test]
     fn areas_do_not_depend_on_the_tangents() {
-        for (metric, footprint) in [
-            (RadianceMetric::First, FootprintKind::Ellipse),
-            (RadianceMetric::Second, FootprintKind::Ellipse),
-            (RadianceMetric::Second, FootprintKind::Disc),
-        ] {
-            let scheme =
-                Scheme { gradient_clamp: true, ..scheme(metric, footprint, ErrorMeasure::Total) };
+        for (metric, footprint) in
+            [(FIRST, Outline::Ellipse), (SECOND, Outline::Ellipse), (SECOND, Outline::Disc)]
+        {
+            let mut scheme = scheme(metric, footprint, Measure::Total);
+            scheme.clamping = Clamping::Gradient;
             let turn = 0.6_f32;
             let straight = Frame::from_normal(Vec3::Z);
             let turned = Frame {
@@ -409,10 +378,7 @@ mod tests {
         let quartic = Quartic::new(&r);
         for k in 0..10 {
             let u = DVec2::from_angle(0.3 * f64::from(k));
-            assert!(
-                (quartic.at(u) - 2.0 * error(&r, RadianceMetric::Second, u) * r.norm()).abs()
-                    < 1e-6
-            );
+            assert!((quartic.at(u) - 2.0 * error(&r, SECOND, u) * r.norm()).abs() < 1e-6);
         }
     }
 
@@ -429,15 +395,15 @@ mod tests {
         }
         let at = SurfacePoint::plain(Vec3::ZERO, Vec3::Z);
         let r = response(3, 0.0);
-        let seen = r.clone().placed(RadiancePlacement::View, Some(&Mirrorish), &at);
+        let seen = r.clone().placed(Placement::View, Some(&Mirrorish), &at);
         let sum = |v: &[f32]| v.iter().sum::<f32>();
         assert_eq!((seen.value.len(), seen.hessian[2].len()), (3, 3));
         assert!(
             (seen.value[1] - 0.5 * sum(&r.value[16..32])).abs() < 1e-5
                 && (seen.hessian[0][2] - sum(&r.hessian[0][32..])).abs() < 1e-5
         );
-        let out = r.clone().placed(RadiancePlacement::Outgoing, Some(&Mirrorish), &at);
+        let out = r.clone().placed(Placement::Outgoing, Some(&Mirrorish), &at);
         assert!(out.norm() == 0.0);
-        assert_eq!(r.clone().placed(RadiancePlacement::Incoming, Some(&Mirrorish), &at), r);
+        assert_eq!(r.clone().placed(Placement::Incoming, Some(&Mirrorish), &at), r);
     }
 }

@@ -1,19 +1,20 @@
 //! From gathers to coefficients, and from coefficients to the light that a lobe reflects.
 
-use super::placement::{
-    RadianceMetric, RadiancePlacement, Reflector, Response, Surroundings, shape,
-};
+use super::placement::{Reflector, Response, Surroundings, shape};
 use super::record::Harmonics;
-use super::vectors::{HitStorage, Vectors};
+use super::vectors::Vectors;
 use crate::basis::{
     Basis, BasisKind, LANES, Sh, ShRotation, Tilt, Turn, gauss_legendre, index, triangle,
     zonal_factors,
 };
 use crate::cache::payload::irradiance::Irradiance;
 use crate::cache::record::{RadiusRule, Record};
-use crate::cache::scheme::{Extrapolation, RadianceFrame, Refinement, Scheme};
+use crate::cache::scheme::{
+    Bands, Extrapolation, GlossyBasis, GlossyMetric, Hits, Placement, Scheme,
+};
 use crate::gather::{
     Coefficients, HemisphereSamples, LobeCoefficients, RadianceDerivatives, RadianceGradient,
+    TriangleRadiance,
 };
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3, luminance};
@@ -75,12 +76,12 @@ impl Projection<'_> {
         let order = usize::from(order).clamp(1, projector.bases.len());
         let basis = projector.bases[order - 1].as_ref();
         let value = samples.project(basis);
-        let derivatives = match scheme.radiance_gradient {
+        let derivatives = match scheme.glossy().gradient {
             RadianceGradient::None => RadianceDerivatives::default(),
             RadianceGradient::Triangulated => {
                 let hessians = scheme.extrapolation == Extrapolation::Second
-                    || scheme.radiance_metric == RadianceMetric::Second;
-                samples.radiance_derivatives(&Sh::new(order), scheme.triangle_radiance, hessians)
+                    || matches!(scheme.glossy().metric, GlossyMetric::Second(_));
+                samples.radiance_derivatives(&Sh::new(order), TriangleRadiance::Hybrid, hessians)
             }
             kind => RadianceDerivatives {
                 gradient: samples.radiance_gradient(basis, kind),
@@ -89,21 +90,20 @@ impl Projection<'_> {
         };
         let response =
             Response { value, gradient: derivatives.gradient, hessian: derivatives.hessian };
-        let surroundings = (scheme.radiance_metric != RadianceMetric::Irradiance)
+        let surroundings = (scheme.glossy().metric != GlossyMetric::Irradiance)
             .then(|| Surroundings::new(samples, &response));
         match &surroundings {
             Some(s) => self.reshape(&mut record, response.clone(), s, samples.frame(), at, rule),
-            None if scheme.gradient_clamp => record.shorten(
-                response.length() / if scheme.metric.is_distance() { 1.0 } else { rule.scale() },
+            None if scheme.clamping.gradient() => record.shorten(
+                response.length()
+                    / if scheme.radius.metric.is_distance() { 1.0 } else { rule.scale() },
             ),
             None => {}
         }
-        let hits = match scheme.radiance_hits {
-            HitStorage::None => Vec::new(),
-            HitStorage::Frozen | HitStorage::Traced => samples.stored_hits(record.position),
-        };
+        let kept = scheme.glossy().hits.are_kept();
+        let hits = if kept { samples.stored_hits(record.position) } else { Vec::new() };
         let mut uncertainty = Vec::new();
-        if scheme.refinement != Refinement::None {
+        if scheme.refinement.is_some() {
             uncertainty =
                 samples.uncertainty(projector.bases[order.min(UNCERTAINTY_BANDS) - 1].as_ref());
             if projector.is_in_world() {
@@ -152,7 +152,7 @@ impl Projection<'_> {
         rule: &RadiusRule,
     ) {
         let (scheme, size) = (&self.projector.scheme, self.projector.scene_size);
-        let response = incident.placed(scheme.radiance_placement, self.reflector, at);
+        let response = incident.placed(scheme.glossy().metric.placement(), self.reflector, at);
         record.reshape(shape(scheme, &response, surroundings, frame, size, rule.scale()));
     }
 }
@@ -161,8 +161,8 @@ impl Projector {
     /// The projector of radiance records under `scheme`, which is the scheme
     /// [of radiance records](Scheme::for_radiance), in a scene whose diagonal is `scene_size`.
     pub(in crate::cache) fn new(scheme: Arc<Scheme>, scene_size: f32) -> Self {
-        let order = usize::from(scheme.radiance_order);
-        let bases: Vec<_> = (1..=order).map(|n| scheme.radiance_basis.basis(n)).collect();
+        let order = usize::from(scheme.glossy().order);
+        let bases: Vec<_> = (1..=order).map(|n| scheme.glossy().basis.kind().basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
         Self { scheme, scene_size, bases, rotation: OnceLock::new(), cosine }
     }
@@ -173,36 +173,36 @@ impl Projector {
     }
 
     /// Whether records keep their hits.
-    pub fn hit_storage(&self) -> HitStorage {
-        self.scheme.radiance_hits
+    pub fn hits(&self) -> Hits {
+        self.scheme.glossy().hits
     }
 
     /// True if `record` has bands enough for `lobe`, or counts as zero in those that it lacks.
     pub(in crate::cache) fn answers(&self, record: &Harmonics, lobe: &LobeCoefficients) -> bool {
-        record.order >= lobe.order || self.scheme.radiance_padding
+        record.order >= lobe.order || self.scheme.glossy().bands == Bands::Padded
     }
 
     fn is_spherical(&self) -> bool {
-        self.scheme.radiance_basis == BasisKind::Sh
+        self.scheme.glossy().basis.kind() == BasisKind::Sh
     }
 
     /// Spherical harmonics in the world's frame, where records of all normals meet.
     fn is_in_world(&self) -> bool {
-        self.is_spherical() && self.scheme.radiance_frame == RadianceFrame::World
+        self.is_spherical() && self.scheme.glossy().basis == GlossyBasis::ShWorld
     }
 
     /// The number of vectors by which records are continued.
     fn vectors_used(&self) -> usize {
         match self.scheme.extrapolation {
-            Extrapolation::Zero => 1,
-            Extrapolation::First | Extrapolation::Axes => 3,
+            Extrapolation::None | Extrapolation::Rotation => 1,
+            Extrapolation::First | Extrapolation::Axes { .. } => 3,
             Extrapolation::Second => 6,
         }
     }
 
     /// Keeps what is needed of `response`, which is given in `frame`.
     fn pack(&self, response: Response, frame: &Frame) -> Vectors {
-        let again = self.scheme.radiance_placement == RadiancePlacement::View;
+        let again = self.scheme.glossy().metric.placement() == Placement::View;
         let most = if again { 6 } else { self.vectors_used() };
         let vectors =
             [vec![response.value], response.gradient.into(), response.hessian.into()].concat();
@@ -211,7 +211,7 @@ impl Projector {
         if self.is_in_world() {
             self.turn(&mut vectors, Turn::between(frame, &WORLD));
         }
-        Vectors::new(vectors, self.scheme.radiance_storage)
+        Vectors::new(vectors, self.scheme.glossy().storage)
     }
 
     /// What [`Projector::pack`] kept, in the frame of the record.
@@ -320,7 +320,7 @@ impl Projector {
 
     /// Made when the first rotation is asked for: flat surfaces need none.
     fn rotation(&self) -> &Rotation {
-        self.rotation.get_or_init(|| match self.scheme.radiance_basis {
+        self.rotation.get_or_init(|| match self.scheme.glossy().basis.kind() {
             BasisKind::Hsh => Rotation::Hsh(Tilt::new(self.bases.len())),
             BasisKind::Sh => Rotation::Sh(ShRotation::new(self.bases.len())),
         })

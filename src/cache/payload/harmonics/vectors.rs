@@ -3,35 +3,11 @@
 
 use crate::basis::Lane;
 use crate::cache::payload::irradiance::SECOND_ORDER;
+use crate::cache::scheme::Storage;
 use crate::gather::Coefficients;
 use crate::math::{Color, Vec2, Vec4};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use serde::{Deserialize, Serialize};
-
-/// How the numbers of radiance records are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Storage {
-    /// 32 bits each.
-    F32,
-    /// 16 bits each, with a scale for each vector: an error of 0.05 % of each number, or of 6e-8 of
-    /// the largest of its vector.
-    F16,
-}
-
-/// Whether records keep the hits of their gathers, for comparison: 40 bytes for each ray, and every
-/// lookup reflects them one by one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum HitStorage {
-    /// They do not, and glossy surfaces reflect the coefficients.
-    None,
-    /// Each hit sends the same radiance to all points around the record.
-    Frozen,
-    /// The radiance of each hit is traced anew towards the point that is shaded [Zhao, Sec. 3.8.1].
-    Traced,
-}
 
 /// Most coefficients of one channel.
 pub(super) const MOST: usize = 400;
