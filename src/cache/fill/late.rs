@@ -71,8 +71,9 @@ mod tests {
     }
 
     fn live() -> Live {
-        let scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
-        Live::new(Cache::new(crate::cache::Scheme { rays: 16, levels: 1, ..scheme }, u32::MAX, 2.0))
+        let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
+        (scheme.gather.rays, scheme.levels) = (16, 1);
+        Live::new(Cache::new(scheme, u32::MAX, 2.0))
     }
 
     fn row(y: f32) -> Vec<SurfacePoint> {
