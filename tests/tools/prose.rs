@@ -1,6 +1,6 @@
 //! What the documents and the comments say: citations, file names, widths, versions.
 
-use crate::support::source::{Source, files, read, root};
+use crate::support::source::{Source, documents, files, read, root};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -130,13 +130,6 @@ fn the_change_log_is_at_the_version_of_the_package() {
 /// Folders that the project makes, and a file of the optional test data.
 const UNTRACKED: &[&str] = &["target", "out"];
 const TEST_DATA: &str = "scenes/MANIFEST.tsv";
-
-/// The Markdown files of the project.
-fn documents() -> Vec<PathBuf> {
-    let top = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(PathBuf::from);
-    let below = ["docs", "ffi", "benches", "fuzz"].map(|folder| files(folder, &["md"]));
-    top.into_iter().chain(below.concat()).collect()
-}
 
 /// The lines of a Markdown file that are prose, with their numbers: neither code nor tables.
 fn prose_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
