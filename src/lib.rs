@@ -32,6 +32,7 @@ pub mod gather;
 pub mod cache;
 pub mod transport;
 pub mod film;
+pub mod hosted;
 pub mod import;
 pub mod render;
 pub mod compare;

@@ -1,17 +1,17 @@
 //! Image metrics against values worked out by hand, and FLIP against its authors' program.
 
 use lumicache::compare::{Options, compare, compare_files, compare_pixels, flip};
-use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::imagefile::ldr::decode_srgb;
+use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::math::Color;
 
-fn layers(width: u32, height: u32, planes: &[(&str, &[f32])]) -> Layers {
+fn layers(width: u32, height: u32, planes: &[(&str, &[f32])]) -> Picture {
     let channel = |&(name, samples): &(&str, &[f32])| Channel {
         name: name.to_owned(),
         kind: SampleKind::Float,
         samples: samples.to_vec(),
     };
-    Layers { width, height, channels: planes.iter().map(channel).collect(), ..Layers::default() }
+    Picture { width, height, channels: planes.iter().map(channel).collect(), ..Picture::default() }
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -93,7 +93,7 @@ fn pixels_of_reference_alpha_zero_are_left_out() {
 fn what_cannot_be_compared_is_told() {
     let rgb = [("R", &[1.0f32, f32::NAN][..]), ("G", &[1.0, 1.0]), ("B", &[1.0, f32::INFINITY])];
     let good = layers(2, 1, &[("R", &[1.0, 2.0]), ("G", &[1.0, 1.0]), ("B", &[1.0, 1.0])]);
-    let fails = |image: &Layers, reference: &Layers, options: &Options| {
+    let fails = |image: &Picture, reference: &Picture, options: &Options| {
         compare(image, reference, options).unwrap_err().to_string()
     };
     let plain = Options::default();

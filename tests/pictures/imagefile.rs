@@ -1,6 +1,9 @@
 //! Image files written and read back.
 
-use lumicache::imagefile::exr::{self, Attribute, Channel, Crop, Encoder, Layers, SampleKind};
+use lumicache::imagefile::{
+    Attribute, Channel, Crop, Picture, REC_709, SampleKind,
+    exr::{self, Encoder},
+};
 use std::path::Path;
 
 /// Every encoder of this build.
@@ -31,10 +34,10 @@ fn plane(
 
 /// Smooth and noisy channels of every kind. Values of `Half` channels are halves, so that nothing
 /// is lost.
-fn picture(width: u32, height: u32) -> Layers {
+fn picture(width: u32, height: u32) -> Picture {
     let size = [width, height];
     let half = |x: f32| half::f16::from_f32(x).to_f32();
-    Layers {
+    Picture {
         width,
         height,
         channels: vec![
@@ -49,7 +52,7 @@ fn picture(width: u32, height: u32) -> Layers {
             plane("gi.records", SampleKind::Uint, size, |x, y| (x * 4099 + y) as f32),
         ],
         attributes: vec![
-            ("chromaticities".to_owned(), exr::REC_709),
+            ("chromaticities".to_owned(), REC_709),
             ("comments".to_owned(), Attribute::Text("Küche, 12 µm".to_owned())),
             ("expTime".to_owned(), Attribute::Float(0.125)),
             ("gi.center".to_owned(), Attribute::V3f([1.0, -2.0, 3.5])),
@@ -63,7 +66,7 @@ fn picture(width: u32, height: u32) -> Layers {
     }
 }
 
-fn sorted(mut layers: Layers) -> Layers {
+fn sorted(mut layers: Picture) -> Picture {
     layers.channels.sort_by(|a, b| a.name.cmp(&b.name));
     layers
 }
@@ -72,7 +75,7 @@ fn in_pool<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(job)
 }
 
-fn written(path: &Path, layers: &Layers, encoder: Encoder) -> Vec<u8> {
+fn written(path: &Path, layers: &Picture, encoder: Encoder) -> Vec<u8> {
     exr::write_with(path, layers, encoder).unwrap();
     std::fs::read(path).unwrap()
 }
@@ -131,7 +134,7 @@ fn both_encoders_compress_alike() {
             })
         });
         let layers =
-            Layers { width: 256, height: 256, channels: channels.to_vec(), ..Layers::default() };
+            Picture { width: 256, height: 256, channels: channels.to_vec(), ..Picture::default() };
         let sizes: Vec<f64> = ENCODERS
             .iter()
             .map(|&e| written(&dir.path().join("a.exr"), &layers, e).len() as f64)
@@ -152,7 +155,7 @@ fn exr_errors_name_the_file() {
                 .to_string()
                 .contains("missing/a.exr")
         );
-        let bad = Layers { channels: vec![], ..picture(4, 4) };
+        let bad = Picture { channels: vec![], ..picture(4, 4) };
         let path = dir.path().join("bad.exr");
         assert!(exr::write_with(&path, &bad, encoder).unwrap_err().to_string().contains("bad.exr"));
         assert!(!path.exists());

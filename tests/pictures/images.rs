@@ -6,7 +6,7 @@ use crate::support::pictures::{
 use crate::support::testdata;
 use lumicache::cache::PRESETS;
 use lumicache::film::LAYERS;
-use lumicache::imagefile::exr::{self, Layers};
+use lumicache::imagefile::{Picture, exr};
 use lumicache::light::EnvironmentMap;
 use lumicache::math::Color;
 use lumicache::render::{Facts, IntegratorKind, Selection, Settings, write_exr};
@@ -15,7 +15,7 @@ use lumicache::scene::Scene;
 /// A converged picture of another renderer, with its scene and the relMSE of its own noise.
 struct Reference {
     scene: Scene,
-    picture: Layers,
+    picture: Picture,
     noise: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Schemes compared on equal terms.
 
 use crate::support::pictures::{build, cached, own};
-use lumicache::bench::report::{Plan, run, variant};
+use lumicache::bench::experiment::{Plan, run, variant};
 use lumicache::progress::Progress;
 use lumicache::render::Settings;
 use std::path::Path;

@@ -12,7 +12,7 @@ use lumicache::gather::{
     TriangleRadiance,
 };
 use lumicache::geometry::SurfacePoint;
-use lumicache::imagefile::exr::Layers;
+use lumicache::imagefile::Picture;
 use lumicache::material::tables::{GlossyTables, TableSettings, TableStore};
 use lumicache::material::{Material, NativeBrdf};
 use lumicache::math::{Color, Vec3};
@@ -268,7 +268,7 @@ fn diffuse_hits_look_the_same_from_everywhere() {
 }
 
 /// Glossy indirect light of the floor near the wall.
-fn edge(scene: &Scene, settings: Settings) -> Layers {
+fn edge(scene: &Scene, settings: Settings) -> Picture {
     let settings = Settings { max_bounces: 2, window: [0, 0, 48, 6], ..settings };
     layer(&render(scene, &settings), "glossy_indirect")
 }

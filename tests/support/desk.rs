@@ -1,6 +1,6 @@
 //! A folder to run the built program in, as a user would.
 
-use lumicache::imagefile::exr::{self, Layers};
+use lumicache::imagefile::{Picture, exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -53,7 +53,7 @@ impl Desk {
     }
 
     /// Renders one of our scenes, quickly, to `out.exr`, and reads that.
-    pub fn render(&self, name: &str, more: &[&str]) -> Layers {
+    pub fn render(&self, name: &str, more: &[&str]) -> Picture {
         let samples: &[&str] = if more.contains(&"--spp") { &[] } else { &["--spp", "2"] };
         let stdout = self
             .print(&[&["render", &scene(name), "-o", "out.exr"], QUICK, samples, more].concat());

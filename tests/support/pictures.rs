@@ -10,10 +10,10 @@ use lumicache::compare::{Options, Report, compare};
 use lumicache::film::LAYERS;
 use lumicache::gather::TranslationalGradient;
 use lumicache::geometry::SurfacePoint;
-use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
+use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::import;
 use lumicache::progress::Progress;
-use lumicache::render::{Clock, Frame, IntegratorKind, Settings, frame};
+use lumicache::render::{Frame, IntegratorKind, Job, Settings};
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
 use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
@@ -73,10 +73,10 @@ pub fn cached(scene: &Scene, preset: &str, size: [u32; 2], spp: u32) -> Settings
 
 /// Renders.
 pub fn render(scene: &Scene, settings: &Settings) -> Frame {
-    frame(scene, settings, &Progress::default(), &mut Clock::default(), &mut |_, _| ()).unwrap()
+    Job::with_settings(scene, settings.clone()).run().unwrap().frame
 }
 
-/// The surface points at the first sample of each pixel, from which [`frame`] fills the first
+/// The surface points at the first sample of each pixel, from which [`render`] fills the first
 /// level, row by row.
 pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<SurfacePoint> {
     let tracer = PathTracer { scene, max_bounces: u32::MAX };
@@ -101,27 +101,20 @@ pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, Fill
 
 /// The beauty of a frame. Alpha is 0 where it shows a lamp or the background: the edges of a lamp
 /// would be most of any error.
-pub fn beauty(frame: &Frame) -> Layers {
-    let [width, height] = frame.film.window_size();
+pub fn beauty(frame: &Frame) -> Picture {
     let pixels = frame.film.radiance();
-    let channel =
-        |name: &str, samples| Channel { name: name.to_owned(), kind: SampleKind::Float, samples };
-    let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
     let emission = &frame.film.channels(LAYERS.iter().find(|l| l.name == "emission").unwrap());
     let alpha = (0..pixels.len())
         .map(|p| if emission.iter().all(|c| c[p] == 0.0) { 1.0 } else { 0.0 })
         .collect();
-    let channels = vec![
-        channel("R", color(0)),
-        channel("G", color(1)),
-        channel("B", color(2)),
-        channel("A", alpha),
-    ];
-    Layers { width, height, channels, ..Layers::default() }
+    let mut picture = Picture::new(frame.film.window_size());
+    picture.add_colors("", SampleKind::Float, &pixels);
+    picture.add("A", SampleKind::Float, alpha);
+    picture
 }
 
 /// The pixels x0, y0, x1, y1 (ends excluded) of a picture.
-pub fn window(layers: &Layers, [x0, y0, x1, y1]: [u32; 4]) -> Layers {
+pub fn window(layers: &Picture, [x0, y0, x1, y1]: [u32; 4]) -> Picture {
     let cut = |c: &Channel| Channel {
         samples: (y0..y1)
             .flat_map(|y| {
@@ -132,12 +125,12 @@ pub fn window(layers: &Layers, [x0, y0, x1, y1]: [u32; 4]) -> Layers {
         ..c.clone()
     };
     let channels = layers.channels.iter().map(cut).collect();
-    Layers { width: x1 - x0, height: y1 - y0, channels, ..Layers::default() }
+    Picture { width: x1 - x0, height: y1 - y0, channels, ..Picture::default() }
 }
 
 /// Means over squares of `side` pixels; what is left over at the right and at the bottom is
 /// dropped. Alpha 0 spreads over its square.
-pub fn blocks(layers: &Layers, side: u32) -> Layers {
+pub fn blocks(layers: &Picture, side: u32) -> Picture {
     let (width, height) = (layers.width / side, layers.height / side);
     let square = |c: &Channel, b: u32| {
         let pixels = (0..side * side)
@@ -153,16 +146,16 @@ pub fn blocks(layers: &Layers, side: u32) -> Layers {
         samples: (0..width * height).map(|b| square(c, b)).collect(),
         ..c.clone()
     };
-    Layers {
+    Picture {
         width,
         height,
         channels: layers.channels.iter().map(mean).collect(),
-        ..Layers::default()
+        ..Picture::default()
     }
 }
 
 /// How far `image` is from `reference`.
-pub fn difference(image: &Layers, reference: &Layers) -> Report {
+pub fn difference(image: &Picture, reference: &Picture) -> Report {
     compare(image, reference, &Options::default()).unwrap()
 }
 
@@ -171,8 +164,8 @@ pub fn difference(image: &Layers, reference: &Layers) -> Report {
 /// `mean`.
 pub fn assert_alike(
     name: &str,
-    image: &Layers,
-    reference: &Layers,
+    image: &Picture,
+    reference: &Picture,
     noise: f64,
     relmse: f64,
     mean: f64,
@@ -191,7 +184,7 @@ pub fn assert_alike(
         Channel { samples: c.samples.iter().zip(r).map(|(x, r)| x - r).collect(), ..c.clone() }
     };
     let channels = image.channels.iter().filter(|c| c.name != "A").map(minus).collect();
-    let difference = Layers { channels, ..image.clone() };
+    let difference = Picture { channels, ..image.clone() };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let stem = name.replace(|c: char| !c.is_alphanumeric(), "-");
     let files: Vec<_> = [("img", image), ("ref", reference), ("diff", &difference)]
@@ -199,7 +192,7 @@ pub fn assert_alike(
         .map(|(kind, layers)| {
             let path = folder.join(format!("{stem}-{kind}.exr"));
             // Attributes of a file that was read may be those that every file has.
-            let pixels = Layers { attributes: Vec::new(), crop: None, ..(*layers).clone() };
+            let pixels = Picture { attributes: Vec::new(), crop: None, ..(*layers).clone() };
             exr::write(&path, &pixels)
                 .map_or_else(|e| e.to_string(), |()| path.display().to_string())
         })

@@ -35,7 +35,7 @@ pub fn draw<'a>(
 ) -> Drawn {
     let mut canvas = Canvas {
         film,
-        to_clip: super::output::world_to_ndc(&settings.camera, settings.size),
+        to_clip: settings.camera.world_to_ndc(settings.size),
         eye: settings.camera.to_world.translation.into(),
         depth: film.depth(),
         drawn: Drawn { overlay: film.radiance(), level: vec![0.0; film.pixels().len()] },

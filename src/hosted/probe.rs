@@ -1,34 +1,33 @@
-//! The gather's view of a host.
+//! The probe that gathers in a hosted scene.
 
-use super::host::{Answers, Exchange, Host, Rays};
+use super::batch::{Answers, Rays};
+use super::exchange::Exchange;
+use super::host::Host;
 use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
 use crate::geometry::{SurfacePoint, offset_origin};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
-use crate::sampling::{hash, square_to_cosine_hemisphere, unit_f32};
+use crate::sampling::{
+    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, unit_f32,
+};
 
-/// Paths this short are never ended by Russian roulette.
-const ROULETTE_AFTER: u32 = 4;
-/// Highest probability of survival in Russian roulette.
-const MAX_SURVIVAL: f32 = 0.95;
-/// A bound on unlimited paths.
-const LONGEST_PATH: u32 = 256;
-
-/// Sees what the host's tracer shows, and goes on behind it where no cache knows the indirect
-/// light.
-pub(super) struct HostProbe<'a> {
+/// Sees the light that the host's tracer answers, and follows paths where no cache knows the
+/// indirect light.
+pub struct HostProbe<'a> {
+    /// The host.
     pub host: &'a Host,
+    /// Where the rays are handed in.
     pub exchange: &'a Exchange,
     /// Most surface interactions after the camera hit.
     pub max_bounces: u32,
     /// Footprint of points that the camera does not see.
     pub footprint: f32,
-    /// Stopped when the host fails.
+    /// Cancelled when the host fails.
     pub progress: &'a Progress,
 }
 
-/// A surface point of which no more is known than where it is and how it lies.
-pub(super) fn surface_point(
+/// A surface point of which position, normals, direction to the viewer and footprint are known.
+pub fn surface_point(
     position: Vec3,
     normal: Vec3,
     ng: Vec3,
@@ -52,6 +51,24 @@ struct Path {
     seed: u64,
 }
 
+impl Path {
+    /// The path that leaves `from` in the direction `local`.
+    fn new(ray: usize, from: &SurfacePoint, local: Vec3, weight: Color, seed: u64) -> Self {
+        let dir = from.frame.to_world(local);
+        Self { ray, origin: offset_origin(from.position, from.ng, dir), dir, weight, seed }
+    }
+
+    /// False if the path leaves `from` to the inside: a bent shading normal sends some there.
+    fn is_outside(&self, from: &SurfacePoint) -> bool {
+        self.dir.dot(from.ng) > 0.0
+    }
+}
+
+fn cosine_direction(seed: u64) -> Vec3 {
+    let numbers = Vec2::new(unit_f32(seed as u32), unit_f32((seed >> 32) as u32));
+    square_to_cosine_hemisphere(numbers)
+}
+
 impl HostProbe<'_> {
     fn trace(&self, paths: &[Path], bounces: u32) -> Option<Answers> {
         let mut rays = Rays::default();
@@ -73,7 +90,8 @@ impl HostProbe<'_> {
     }
 
     /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`
-    /// rays, spread evenly over the points.
+    /// rays, spread evenly over the points. None where the host answers light of all bounces:
+    /// deeper levels have no use then.
     pub fn next_points(
         &self,
         points: &[SurfacePoint],
@@ -81,83 +99,58 @@ impl HostProbe<'_> {
         bounces: u32,
         seed: u64,
     ) -> Vec<SurfacePoint> {
-        if points.is_empty() {
+        if points.is_empty() || self.host.all_bounces {
             return Vec::new();
         }
-        let from = |k: usize| &points[k * points.len() / count];
-        let paths: Vec<Path> = (0..count)
-            .filter_map(|k| {
-                let seed = hash(&[seed, k as u64]);
-                let at = from(k);
-                let dir = at.frame.to_world(square_to_cosine_hemisphere(numbers(seed)));
-                let origin = offset_origin(at.position, at.ng, dir);
-                (dir.dot(at.ng) > 0.0).then_some(Path {
-                    ray: k,
-                    origin,
-                    dir,
-                    weight: Color::ONE,
-                    seed,
-                })
-            })
-            .collect();
+        let path = |k: usize| {
+            let (seed, from) = (hash(&[seed, k as u64]), &points[k * points.len() / count]);
+            let path = Path::new(k, from, cosine_direction(seed), Color::ONE, seed);
+            path.is_outside(from).then_some(path)
+        };
+        let paths: Vec<Path> = (0..count).filter_map(path).collect();
         let Some(answers) = self.trace(&paths, bounces) else { return Vec::new() };
-        let hits =
+        let is_diffuse =
             |i: &usize| answers.distance[*i] < f32::INFINITY && answers.albedo[*i] != Color::ZERO;
-        (0..paths.len()).filter(hits).map(|i| self.hit(&paths[i], &answers, i)).collect()
+        (0..paths.len()).filter(is_diffuse).map(|i| self.hit(&paths[i], &answers, i)).collect()
     }
-}
-
-fn numbers(seed: u64) -> Vec2 {
-    Vec2::new(unit_f32(seed as u32), unit_f32((seed >> 32) as u32))
 }
 
 impl RadianceProbe for HostProbe<'_> {
     fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle) {
-        let mut paths: Vec<Path> = (0..bundle.len())
-            .filter_map(|k| {
-                let dir = from.frame.to_world(bundle.dir_local[k]);
-                let origin = offset_origin(from.position, from.ng, dir);
-                let seed = hash(&[bundle.seed, k as u64]);
-                (dir.dot(from.ng) > 0.0).then_some(Path {
-                    ray: k,
-                    origin,
-                    dir,
-                    weight: Color::ONE,
-                    seed,
-                })
-            })
-            .collect();
+        let path = |k: usize| {
+            let seed = hash(&[bundle.seed, k as u64]);
+            Path::new(k, from, bundle.dir_local[k], Color::ONE, seed)
+        };
+        let mut paths: Vec<Path> =
+            (0..bundle.len()).map(path).filter(|p| p.is_outside(from)).collect();
         let first = u32::from(level) + 1;
+        let longest = self.max_bounces.min(LONGEST_PATH);
         let mut bounces = first;
         while !paths.is_empty() {
             let Some(answers) = self.trace(&paths, bounces) else { return };
             let mut on = Vec::new();
             for (i, p) in paths.iter().enumerate() {
-                let hit = answers.distance[i] < f32::INFINITY;
-                if bounces == first {
-                    bundle.kind[p.ray] = if hit { HitKind::Surface } else { HitKind::Environment };
-                }
-                if !hit {
-                    if self.host.has_environment() {
-                        bundle.radiance[p.ray] += p.weight * answers.radiance[i];
+                let radiance = p.weight * answers.radiance[i];
+                if answers.distance[i] == f32::INFINITY {
+                    if bounces == first {
+                        bundle.kind[p.ray] = HitKind::Environment;
+                    }
+                    if self.host.environment {
+                        bundle.radiance[p.ray] += radiance;
                     }
                     continue;
                 }
                 let at = self.hit(p, &answers, i);
                 if bounces == first {
+                    bundle.kind[p.ray] = HitKind::Surface;
                     bundle.distance[p.ray] = answers.distance[i];
                     bundle.normal[p.ray] = at.ng;
                 }
-                if bounces > self.max_bounces {
-                    continue;
+                if bounces <= self.max_bounces {
+                    bundle.radiance[p.ray] += radiance;
                 }
-                bundle.radiance[p.ray] += p.weight * answers.radiance[i];
-                let weight = p.weight * answers.albedo[i];
-                if self.host.is_full()
-                    || bounces >= self.max_bounces
-                    || bounces >= LONGEST_PATH
-                    || weight == Color::ZERO
-                {
+                let mut weight = p.weight * answers.albedo[i];
+                if self.host.all_bounces || bounces >= longest || weight == Color::ZERO {
                     continue;
                 }
                 let level = u8::try_from(bounces).unwrap_or(u8::MAX);
@@ -166,18 +159,14 @@ impl RadianceProbe for HostProbe<'_> {
                     continue;
                 }
                 let seed = hash(&[p.seed, u64::from(bounces), 1]);
-                let mut path =
-                    Path { ray: p.ray, origin: at.position, dir: Vec3::ZERO, weight, seed };
                 if bounces >= ROULETTE_AFTER {
                     let survival = weight.max_element().min(MAX_SURVIVAL);
                     if unit_f32(hash(&[seed, 2]) as u32) >= survival {
                         continue;
                     }
-                    path.weight /= survival;
+                    weight /= survival;
                 }
-                path.dir = at.frame.to_world(square_to_cosine_hemisphere(numbers(seed)));
-                path.origin = offset_origin(at.position, at.ng, path.dir);
-                on.push(path);
+                on.push(Path::new(p.ray, &at, cosine_direction(seed), weight, seed));
             }
             paths = on;
             bounces += 1;

@@ -1,7 +1,7 @@
 //! Arrays in the host's memory: checked once, then read and written by index.
 
-use super::status::{Fault, Outcome};
-use super::types::{LUMI_VIEW_SHARED, lumi_view};
+use super::common::{LUMI_VIEW_SHARED, lumi_view};
+use crate::capi::status::{Fault, Outcome};
 use crate::geometry::Buffer;
 use crate::math::Vec3;
 use bytemuck::Pod;
@@ -12,20 +12,17 @@ const MAX_COUNT: usize = u32::MAX as usize;
 
 /// An array of `N` numbers per element to read.
 #[derive(Clone, Copy)]
-pub(super) struct Input<T, const N: usize> {
-    data: *const u8,
+pub(in crate::capi) struct Input<T, const N: usize> {
+    data: *const [T; N],
     stride: usize,
     count: usize,
-    _numbers: std::marker::PhantomData<T>,
 }
 
-/// An array of `N` numbers per element to write.
-#[derive(Clone, Copy)]
-pub(super) struct Output<T, const N: usize> {
-    data: *mut u8,
+/// An array of `N` numbers per element to write, or NULL where the host wants none.
+pub(in crate::capi) struct Output<T, const N: usize> {
+    data: *mut [T; N],
     stride: usize,
     count: usize,
-    _numbers: std::marker::PhantomData<T>,
 }
 
 // SAFETY: the host promises that the memory it passes stays readable until the call returns, and
@@ -53,27 +50,19 @@ fn check<T, const N: usize>(count: usize, stride: usize, what: &str) -> Outcome<
 }
 
 impl<T: Copy, const N: usize> Input<T, N> {
-    /// `count` elements; `None` for NULL, an error if elements are wanted from there and it is
-    /// `required`.
+    /// `count` elements; `None` for NULL.
     pub fn new(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
         let stride = check::<T, N>(count, stride, what)?;
-        Ok((!data.is_null()).then_some(Self {
-            data: data.cast(),
-            stride,
-            count,
-            _numbers: std::marker::PhantomData,
-        }))
+        Ok((!data.is_null()).then_some(Self { data: data.cast(), stride, count }))
     }
 
     /// As [`Input::new`]; NULL is an error unless the array is empty.
     pub fn required(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Self> {
-        let empty =
-            Self { data: data.cast(), stride: 0, count: 0, _numbers: std::marker::PhantomData };
-        match Self::new(data, count, stride, what)? {
-            Some(input) => Ok(input),
-            None if count == 0 => Ok(empty),
-            None => Err(Fault::argument(format!("{what} is NULL"))),
+        let stride = check::<T, N>(count, stride, what)?;
+        if data.is_null() && count > 0 {
+            return Err(Fault::argument(format!("{what} is NULL")));
         }
+        Ok(Self { data: data.cast(), stride, count })
     }
 
     /// A view whose format must be `format`; `None` if it is not there.
@@ -82,10 +71,8 @@ impl<T: Copy, const N: usize> Input<T, N> {
             return Ok(None);
         }
         if view.format != format {
-            return Err(Fault::argument(format!(
-                "{what} has the format {}, expected {format}",
-                view.format
-            )));
+            let text = format!("{what} has the format {}, expected {format}", view.format);
+            return Err(Fault::argument(text));
         }
         Self::required(view.data.cast(), view.count, view.stride, what).map(Some)
     }
@@ -100,7 +87,7 @@ impl<T: Copy, const N: usize> Input<T, N> {
         assert!(i < self.count);
         // SAFETY: i is below the count that the host gave for this address and stride, and the
         // extent was checked; alignment is not asked for.
-        unsafe { self.data.add(i * self.stride).cast::<[T; N]>().read_unaligned() }
+        unsafe { self.data.byte_add(i * self.stride).read_unaligned() }
     }
 
     pub fn iter(&self) -> impl ExactSizeIterator<Item = [T; N]> + '_ {
@@ -116,24 +103,25 @@ impl Input<f32, 3> {
 }
 
 impl<T: Copy, const N: usize> Output<T, N> {
-    /// `count` elements; `None` for NULL.
-    pub fn new(data: *mut T, count: usize, stride: usize, what: &str) -> Outcome<Option<Self>> {
-        let stride = check::<T, N>(count, stride, what)?;
-        Ok((!data.is_null()).then_some(Self {
-            data: data.cast(),
-            stride,
-            count,
-            _numbers: std::marker::PhantomData,
-        }))
+    /// Room for `count` elements.
+    pub fn new(data: *mut T, count: usize, stride: usize, what: &str) -> Outcome<Self> {
+        Ok(Self { data: data.cast(), stride: check::<T, N>(count, stride, what)?, count })
     }
 
-    /// Sets element `i`.
+    /// Whether there is an array.
+    pub fn is_wanted(&self) -> bool {
+        !self.data.is_null()
+    }
+
+    /// Sets element `i` where there is an array.
     #[inline]
-    pub fn set(&mut self, i: usize, value: [T; N]) {
+    pub fn set(&mut self, i: usize, value: impl Into<[T; N]>) {
         assert!(i < self.count);
-        // SAFETY: i is below the count that the host gave for this address and stride, and the
-        // extent was checked; alignment is not asked for.
-        unsafe { self.data.add(i * self.stride).cast::<[T; N]>().write_unaligned(value) };
+        if !self.data.is_null() {
+            // SAFETY: i is below the count that the host gave for this address and stride, and the
+            // extent was checked; alignment is not asked for.
+            unsafe { self.data.byte_add(i * self.stride).write_unaligned(value.into()) };
+        }
     }
 }
 
@@ -158,8 +146,8 @@ impl<T: Pod> AsRef<[T]> for Lent<T> {
 }
 
 /// The elements of `view`, which was checked, in the host's memory; `None` if the host does not
-/// share them, or not as we keep them: one behind the other and aligned.
-pub(super) fn lent<T: Pod + Send + Sync>(view: &lumi_view) -> Option<Buffer<T>> {
+/// share them, or if they are not dense and aligned as ours are.
+pub(in crate::capi) fn lent<T: Pod + Send + Sync>(view: &lumi_view) -> Option<Buffer<T>> {
     let data = view.data.cast::<T>();
     let dense = view.stride == 0 || view.stride == size_of::<T>();
     let usable = view.flags & LUMI_VIEW_SHARED != 0

@@ -4,43 +4,25 @@ use super::lobe::LobeTable;
 use crate::fsutil::write_atomically;
 use std::path::PathBuf;
 
-/// The environment variable that names the folder of the tables; `off` keeps none.
-pub const TABLES_VARIABLE: &str = "LUMICACHE_TABLES";
-
 /// First bytes of a file; the number changes with the format and with what tables mean.
 const MAGIC: &[u8; 8] = b"lumiBT01";
 /// Length of the checksum at the end of a file.
 const CHECKSUM: usize = blake3::OUT_LEN;
 
-/// Where tables are kept: a folder, or nowhere.
+/// Where tables are kept between runs: a folder, or nowhere.
 #[derive(Clone, Debug, Default)]
 pub struct TableStore(Option<PathBuf>);
 
 impl TableStore {
-    /// The folder that [`TABLES_VARIABLE`] names, else `lumicache` in the user's cache folder
-    /// (`XDG_CACHE_HOME`, `~/.cache`).
-    pub fn from_environment() -> Self {
-        let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
-        Self(match variable(TABLES_VARIABLE) {
-            Some(folder) if folder == "off" => None,
-            Some(folder) => Some(folder.into()),
-            None => {
-                let caches =
-                    variable("XDG_CACHE_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
-                caches
-                    .or_else(|| Some(PathBuf::from(variable("HOME")?).join(".cache")))
-                    .map(|c| c.join("lumicache"))
-            }
-        })
+    /// Tables in `folder`, which is made when the first table is; without a folder they live in
+    /// memory alone.
+    pub fn new(folder: Option<PathBuf>) -> Self {
+        Self(folder)
     }
 
-    /// The folder `path`.
-    pub fn folder(path: impl Into<PathBuf>) -> Self {
-        Self(Some(path.into()))
-    }
-
-    /// The table for `key`, which names everything it depends on: read, or else made by `build` and
-    /// written. A damaged file counts as none; a folder that cannot be written costs time, no more.
+    /// The table for `key`, which names everything that the table depends on: read, or else made
+    /// by `build` and written. A damaged file counts as none. A folder that cannot be written costs
+    /// time, no more.
     pub fn get(&self, key: &str, build: impl FnOnce() -> LobeTable) -> LobeTable {
         let Some(folder) = &self.0 else { return build() };
         let path = folder.join(format!("{}.brdf", &blake3::hash(key.as_bytes()).to_hex()[..32]));
@@ -109,7 +91,7 @@ mod tests {
             let lobe = Lobe { f: &|_, wi| [wi.z, 0.0, 0.0], parts: 1, isotropic: true };
             LobeTable::build(&lobe, &Hsh::new(4))
         };
-        let store = TableStore::folder(dir.path().join("new"));
+        let store = TableStore::new(Some(dir.path().join("new")));
         let first = store.get("a", build);
         assert_eq!((store.get("a", build), made.get()), (first.clone(), 1));
         let _ = store.get("b", build);

@@ -1,4 +1,4 @@
-//! The primitives under [`handles`](super::handles), so that a model checker can put its own in
+//! The primitives under [`table`](super::table), so that a model checker can put its own in
 //! their place: `tests/loom` does.
 
 pub use std::sync::Mutex;
