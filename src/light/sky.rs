@@ -186,7 +186,7 @@ impl Sky {
     /// ```text
     /// E = 300 + 21000 sin γ        overcast, types 1 to 5
     /// E = 300 + 45000 sin γ        partly cloudy, types 6 to 10
-    /// E = 800 + 15500 √(sin γ)     clear, types 11 to 15                 [Gillette84; IESNA00, Ch. 8]
+    /// E = 800 + 15500 √(sin γ)     clear, types 11 to 15      [Gillette84; IESNA00, Ch. 8]
     /// ```
     ///
     /// with the sun's elevation γ.
@@ -231,9 +231,11 @@ impl Sky {
     /// 0 and the angle `chi` from the sun:
     ///
     /// ```text
-    /// overcast  L = (1 + 2 cos Z) / 3                                                      [MoonSpencer42]
-    /// general   L = (1 + a exp(b / cos Z)) (1 + c (exp(d χ) - exp(d π/2)) + e cos² χ)      [CIES011, Eq. 1-5]
+    /// overcast  L = (1 + 2 cos Z) / 3    [MoonSpencer42]
+    /// general   L = (1 + a exp(b / cos Z)) (1 + c (exp(d χ) - exp(d π/2)) + e cos² χ)
     /// ```
+    ///
+    /// The general sky is that of [CIES011, Eq. 1-5].
     pub fn relative_luminance(&self, cos: f64, chi: f64) -> f64 {
         match self.kind {
             SkyKind::Overcast => (1.0 + 2.0 * cos) / 3.0,
