@@ -32,7 +32,7 @@ mod numeric {
     mod lights; // light sampling
     mod lobes; // tables of glossy lobes
     mod math; // frames, buffers
-    mod punctual; // polygons, points and spots
+    mod polygon; // irradiance in closed form
     mod quadrature; // rules, slopes of harmonics
     pub mod radiance; // radiance coefficients and their gradients
     mod sampling; // random streams, warps

@@ -149,3 +149,69 @@ impl PunctualLight {
         self.strength() * solid_angle
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(cos_inner: f32, cos_outer: f32) -> PunctualLight {
+        PunctualLight::Spot {
+            position: Vec3::new(0.0, 2.0, 0.0),
+            direction: -Vec3::Y,
+            intensity: Vec3::splat(8.0),
+            range: f32::INFINITY,
+            cos_inner,
+            cos_outer,
+        }
+    }
+
+    #[test]
+    fn point_light_follows_the_inverse_square_within_its_range() {
+        let light = |range| PunctualLight::Point {
+            position: Vec3::new(0.0, 2.0, 0.0),
+            intensity: Vec3::splat(8.0),
+            range,
+        };
+        let free = light(f32::INFINITY).incidence(Vec3::ZERO).unwrap();
+        assert_eq!((free.wi, free.distance, free.irradiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
+        let windowed = light(4.0).incidence(Vec3::ZERO).unwrap();
+        assert_eq!(windowed.irradiance, Vec3::splat(2.0 * (1.0 - 1.0 / 16.0)));
+        assert!(
+            light(2.0).incidence(Vec3::ZERO).is_none()
+                && light(0.0).incidence(Vec3::ZERO).is_none()
+        );
+        assert!(light(f32::INFINITY).incidence(Vec3::new(0.0, 2.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn spot_light_ramps_between_its_cones() {
+        let light = spot(0.9, 0.7);
+        let at = |cos: f32| {
+            let p = Vec3::new((1.0 - cos * cos).sqrt(), 2.0 - cos, 0.0);
+            light.incidence(p).map_or(0.0, |i| i.irradiance.x / 8.0)
+        };
+        assert!((at(0.95) - 1.0).abs() < 1e-5 && (at(0.8) - 0.25).abs() < 1e-5 && at(0.69) == 0.0);
+    }
+
+    #[test]
+    fn spot_light_with_equal_angles_has_a_sharp_edge() {
+        let light = spot(0.8, 0.8);
+        assert!(light.incidence(Vec3::new(0.1, 0.0, 0.0)).unwrap().irradiance.is_finite());
+        assert!(light.incidence(Vec3::new(5.0, 0.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn power_of_a_spot_light_is_the_integral_of_its_intensity() {
+        let light = spot(0.9, 0.6);
+        let steps = 20_000;
+        let sum: f32 = (0..steps)
+            .map(|i| {
+                let cos = 1.0 - 2.0 * (i as f32 + 0.5) / steps as f32;
+                let p = Vec3::new((1.0 - cos * cos).sqrt(), 2.0 - cos, 0.0);
+                light.incidence(p).map_or(0.0, |i| i.irradiance.x)
+            })
+            .sum();
+        let expected = sum * 4.0 * std::f32::consts::PI / steps as f32;
+        assert!((light.power().x / expected - 1.0).abs() < 1e-3);
+    }
+}

@@ -1,8 +1,8 @@
 //! Rays of cameras, what undoes them, and keyframes.
 
-use glam::{DAffine3, DQuat, DVec3, Mat4};
-use lumicache::camera::*;
-use lumicache::math::{Affine3A, Mat3, Vec2, Vec3};
+use glam::{DQuat, DVec3};
+use lumicache::camera::{Camera, Interpolation, Joint, Motion, Projection, Track};
+use lumicache::math::{Affine3A, Vec2, Vec3};
 
 #[test]
 fn the_image_is_neither_mirrored_nor_upside_down() {
@@ -26,10 +26,9 @@ fn a_view_undoes_a_ray_and_counts_pixels() {
         glam::Quat::from_rotation_y(0.7) * glam::Quat::from_rotation_x(-0.4),
         Vec3::new(3.0, -2.0, 1.0),
     );
-    for projection in [
-        Projection::Perspective { yfov: 0.9 },
-        Projection::Orthographic { xmag: 2.0, ymag: 1.5 },
-    ] {
+    for projection in
+        [Projection::Perspective { yfov: 0.9 }, Projection::Orthographic { xmag: 2.0, ymag: 1.5 }]
+    {
         let camera = Camera { name: String::new(), projection, aspect: None, to_world };
         let size = [200, 120];
         for raster in [Vec2::new(3.0, 100.0), Vec2::new(100.0, 60.0), Vec2::new(170.5, 20.25)] {
@@ -41,8 +40,7 @@ fn a_view_undoes_a_ray_and_counts_pixels() {
             let view = camera.view(point, size).unwrap();
             assert!((view.raster - raster).length() < 1e-2, "{view:?}");
             assert!(
-                (view.to_camera + ray.dir).length() < 1e-5
-                    && (view.distance - 7.0).abs() < 1e-4,
+                (view.to_camera + ray.dir).length() < 1e-5 && (view.distance - 7.0).abs() < 1e-4,
                 "{view:?}"
             );
             // The area across the ray that a square of two pixels covers.
@@ -62,12 +60,8 @@ fn a_view_undoes_a_ray_and_counts_pixels() {
     }
 }
 
-fn track<const N: usize>(
-    interpolation: Interpolation,
-    values: &[[f32; N]],
-) -> Option<Track<N>> {
-    let keys =
-        if interpolation == Interpolation::Cubic { values.len() / 3 } else { values.len() };
+fn track<const N: usize>(interpolation: Interpolation, values: &[[f32; N]]) -> Option<Track<N>> {
+    let keys = if interpolation == Interpolation::Cubic { values.len() / 3 } else { values.len() };
     Some(Track {
         times: (0..keys).map(|k| 1.0 + 2.0 * k as f32).collect(),
         values: values.to_vec(),
@@ -87,9 +81,8 @@ fn joint() -> Joint {
 #[test]
 fn values_between_keyframes() {
     let place = |interpolation, values: &[[f32; 3]], seconds| {
-        let motion = Motion {
-            joints: vec![Joint { translation: track(interpolation, values), ..joint() }],
-        };
+        let motion =
+            Motion { joints: vec![Joint { translation: track(interpolation, values), ..joint() }] };
         Vec3::from(motion.at(seconds).unwrap().translation)
     };
     let line = [[0.0, 1.0, 0.0], [4.0, 1.0, 0.0]];
@@ -128,9 +121,8 @@ fn rotations_take_the_shorter_arc_and_stay_rotations() {
         [0.0, quarter, 0.0, quarter],
         [0.0; 4],
     ];
-    let motion = Motion {
-        joints: vec![Joint { rotation: track(Interpolation::Cubic, &cubic), ..joint() }],
-    };
+    let motion =
+        Motion { joints: vec![Joint { rotation: track(Interpolation::Cubic, &cubic), ..joint() }] };
     let matrix = motion.at(2.0).unwrap().matrix3;
     assert!((matrix.determinant() - 1.0).abs() < 1e-6);
     assert!((Vec3::from(matrix.z_axis) - Vec3::new(quarter, 0.0, quarter)).length() < 1e-6);
@@ -139,11 +131,7 @@ fn rotations_take_the_shorter_arc_and_stay_rotations() {
 #[test]
 fn nodes_above_carry_those_below() {
     let turn = Joint {
-        rest: (
-            DVec3::ZERO,
-            DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2),
-            DVec3::splat(2.0),
-        ),
+        rest: (DVec3::ZERO, DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2), DVec3::splat(2.0)),
         ..joint()
     };
     let slide = Joint {
@@ -154,7 +142,6 @@ fn nodes_above_carry_those_below() {
     // A quarter turn takes z to x, and the scale above stretches the way but not the camera.
     assert!((Vec3::from(to_world.translation) - Vec3::new(2.0, 0.0, 0.0)).length() < 1e-6);
     assert!((to_world.matrix3.determinant() - 1.0).abs() < 1e-6);
-    let flat =
-        Joint { rest: (DVec3::ZERO, DQuat::IDENTITY, DVec3::new(1.0, 1.0, 0.0)), ..joint() };
+    let flat = Joint { rest: (DVec3::ZERO, DQuat::IDENTITY, DVec3::new(1.0, 1.0, 0.0)), ..joint() };
     assert!(Motion { joints: vec![flat] }.at(0.0).is_none());
 }

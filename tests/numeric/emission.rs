@@ -2,8 +2,8 @@
 
 use lumicache::geometry::{Aabb, Geometry, Instance, TriangleMesh};
 use lumicache::light::*;
-use lumicache::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
-use lumicache::sampling::{Rng, square_to_cosine_hemisphere, square_to_disk};
+use lumicache::math::{Affine3A, Color, Vec3};
+use lumicache::sampling::Rng;
 use std::sync::Arc;
 
 fn lights() -> (Lights, Aabb) {
@@ -94,8 +94,7 @@ fn densities_are_those_of_the_samples() {
         let end = sampler.end_density(&e.end, e.direction);
         let ray = sampler.ray_density(&e.end, e.direction);
         assert!(
-            (end / e.end_density - 1.0).abs() < 1e-3
-                && (ray / e.ray_density - 1.0).abs() < 1e-3,
+            (end / e.end_density - 1.0).abs() < 1e-3 && (ray / e.ray_density - 1.0).abs() < 1e-3,
             "{e:?} {end} {ray}"
         );
         let cos = if e.end.normal == Vec3::ZERO { 1.0 } else { e.end.normal.dot(e.direction) };

@@ -1,9 +1,7 @@
 //! Frames, and buffers that are lent.
 
 use lumicache::geometry::Buffer;
-use lumicache::math::*;
-use std::fmt;
-use std::ops::{Deref, DerefMut};
+use lumicache::math::{Frame, Vec3};
 use std::sync::Arc;
 
 #[test]

@@ -1,18 +1,14 @@
 //! Quadrature rules and slopes of harmonics.
 
-use glam::DMat3;
-use lumicache::basis::*;
-use lumicache::math::{DVec3, Vec3};
-use std::f64::consts::PI;
+use lumicache::basis::{Basis, Jet, LANES, Lane, Sh, gauss_legendre};
+use lumicache::math::Vec3;
 
 #[test]
 fn exact_for_polynomials() {
     for n in [1, 2, 5, 20, 64] {
         for degree in [0, 1, 2 * n - 2, 2 * n - 1] {
-            let sum: f64 = gauss_legendre(n, 0.0, 2.0)
-                .iter()
-                .map(|(x, w)| w * x.powi(degree as i32))
-                .sum();
+            let sum: f64 =
+                gauss_legendre(n, 0.0, 2.0).iter().map(|(x, w)| w * x.powi(degree as i32)).sum();
             let exact = 2f64.powi(degree as i32 + 1) / (degree + 1) as f64;
             assert!((sum / exact - 1.0).abs() < 1e-12, "{n} {degree}: {sum} {exact}");
         }
@@ -37,12 +33,7 @@ fn slopes_are_the_first_two_components_of_the_gradients() {
         for (got, jet) in out.iter().zip(&jets) {
             let expected = [jet.value, jet.gradient.x, jet.gradient.y];
             for (g, e) in got.iter().zip(expected) {
-                assert!(
-                    (f64::from(g[k]) - e).abs() < 1e-4,
-                    "{} instead of {e} at {}",
-                    g[k],
-                    w[k]
-                );
+                assert!((f64::from(g[k]) - e).abs() < 1e-4, "{} instead of {e} at {}", g[k], w[k]);
             }
         }
     }

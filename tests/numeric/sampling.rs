@@ -1,8 +1,6 @@
 //! Random streams, the sampler and the warps.
 
-use lumicache::math::{INV_PI, Vec2, Vec3};
 use lumicache::sampling::*;
-use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 #[test]
 fn streams_are_uniform_and_seeds_independent() {

@@ -3,7 +3,7 @@
 use lumicache::geometry::SurfacePoint;
 use lumicache::material::*;
 use lumicache::math::{Color, Frame, Vec2, Vec3, Vec4};
-use lumicache::texture::{ColorSpace, Texture, TextureImage, TexturePixels, TextureRef, Wrap, lookup};
+use lumicache::texture::{ColorSpace, Texture, TextureImage, TexturePixels, TextureRef, Wrap};
 use std::sync::Arc;
 
 fn point() -> SurfacePoint {
@@ -25,11 +25,8 @@ fn point() -> SurfacePoint {
 
 /// A texture of one colour and a reference to it.
 fn solid(rgba: [u8; 4]) -> (Vec<Texture>, Option<TextureRef>) {
-    let image = Arc::new(TextureImage {
-        width: 1,
-        height: 1,
-        pixels: TexturePixels::Rgba8(vec![rgba]),
-    });
+    let image =
+        Arc::new(TextureImage { width: 1, height: 1, pixels: TexturePixels::Rgba8(vec![rgba]) });
     let texture = Texture { image, wrap_s: Wrap::Repeat, wrap_t: Wrap::Repeat, nearest: false };
     let reference = TextureRef {
         texture: 0,
@@ -111,12 +108,8 @@ fn normals_are_bent_to_the_viewer_and_the_surface() {
 
 #[test]
 fn anisotropic_brdfs_take_the_mesh_s_tangent() {
-    let ward = |alpha_y| NativeBrdf::WardDuer {
-        kd: Color::ZERO,
-        ks: Color::ONE,
-        alpha_x: 0.1,
-        alpha_y,
-    };
+    let ward =
+        |alpha_y| NativeBrdf::WardDuer { kd: Color::ZERO, ks: Color::ONE, alpha_x: 0.1, alpha_y };
     let tangent = Vec4::new(0.6, 0.8, 0.0, 1.0);
     let mut sp = SurfacePoint { tangent, ..point() };
     let _ = Material { native: Some(ward(0.4)), ..Material::default() }.shade(&[], &mut sp);
@@ -201,8 +194,7 @@ fn textures_and_vertex_colours_reach_the_layers() {
     let sp = SurfacePoint { color: Vec4::new(1.0, 0.5, 1.0, 1.0), ..point() };
     let b = m.shade(&textures, &mut sp.clone());
     assert!(
-        !b.has_glossy()
-            && (b.diffuse_albedo(Vec3::Z) - Color::new(0.1, 0.2, 1.0)).length() < 1e-6
+        !b.has_glossy() && (b.diffuse_albedo(Vec3::Z) - Color::new(0.1, 0.2, 1.0)).length() < 1e-6
     );
     let m = Material { metallic_roughness_texture: reference, ..Material::default() };
     let b = m.shade(&textures, &mut point());

@@ -1,8 +1,7 @@
 //! Skies against their standards, and their text.
 
-use lumicache::error::{Error, Result};
-use lumicache::light::*;
-use lumicache::math::{Affine3A, Color, PI, Vec3, luminance};
+use lumicache::light::{Sky, SkyKind, SunKind};
+use lumicache::math::{Color, Vec3};
 
 #[test]
 fn the_overcast_sky_is_three_times_as_bright_at_the_zenith() {
@@ -19,8 +18,7 @@ fn the_overcast_sky_is_three_times_as_bright_at_the_zenith() {
     }
     // E = 7/9 π L_z, and 300 + 21000 sin 45°.
     assert!(
-        (7.0 / 9.0 * std::f64::consts::PI * sky.zenith_luminance() / 15_149.24 - 1.0).abs()
-            < 1e-6
+        (7.0 / 9.0 * std::f64::consts::PI * sky.zenith_luminance() / 15_149.24 - 1.0).abs() < 1e-6
     );
     assert!((f64::from(up) / sky.zenith_luminance() - 1.0).abs() < 1e-4);
 }
@@ -65,8 +63,7 @@ fn directions_are_those_of_the_compass() {
         Sky { azimuth, elevation, ..Sky::new(SkyKind::Overcast) }.sun_direction()
     };
     assert!(
-        (at(0.0, 1e-4) - Vec3::NEG_Z).length() < 1e-5
-            && (at(90.0, 1e-4) - Vec3::X).length() < 1e-5
+        (at(0.0, 1e-4) - Vec3::NEG_Z).length() < 1e-5 && (at(90.0, 1e-4) - Vec3::X).length() < 1e-5
     );
     assert!((at(10.0, 90.0) - Vec3::Y).length() < 1e-5);
 }

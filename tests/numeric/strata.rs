@@ -1,9 +1,6 @@
 //! The directions of a hemisphere.
 
-use lumicache::gather::*;
-use lumicache::math::{INV_PI, Vec2, Vec3};
-use lumicache::sampling::{Rng, square_to_disk};
-use serde::{Deserialize, Serialize};
+use lumicache::gather::{Density, Layout};
 use std::f32::consts::TAU;
 
 #[test]
@@ -17,10 +14,7 @@ fn both_layouts_and_densities_integrate_the_cosine() {
             assert!((e - std::f32::consts::PI).abs() < 0.01, "{layout:?} {density:?} {e}");
             let z2: f32 =
                 w.iter().zip(&p).map(|(w, p)| w.z * w.z / p).sum::<f32>() / w.len() as f32;
-            assert!(
-                (z2 - std::f32::consts::TAU / 3.0).abs() < 0.02,
-                "{layout:?} {density:?} {z2}"
-            );
+            assert!((z2 - std::f32::consts::TAU / 3.0).abs() < 0.02, "{layout:?} {density:?} {z2}");
             assert!(w.iter().all(|w| (w.length() - 1.0).abs() < 1e-5 && w.z > 0.0));
         }
     }
