@@ -119,7 +119,7 @@ fn the_change_log_is_at_the_version_of_the_package() {
 }
 
 /// Folders that the project makes, and a file of the optional test data.
-const UNTRACKED: &[&str] = &["target", "out"];
+const UNTRACKED: &[&str] = &["target/", "out/", "fuzz/artifacts/"];
 const TEST_DATA: &str = "scenes/MANIFEST.tsv";
 
 /// The lines of a Markdown file that are prose, with their numbers: neither code nor tables.
@@ -196,7 +196,8 @@ fn is_missing(name: &str, folder: &Path) -> bool {
     }
     let source = root().join("src").join(name);
     let module = root().join("src").join(first).is_dir() && first != "bench";
-    let of_project = root().join(first).is_dir() && !UNTRACKED.contains(&first);
+    let made = UNTRACKED.iter().any(|folder| name.starts_with(folder));
+    let of_project = root().join(first).is_dir() && !made;
     (of_project || module)
         && !root().join(name).exists()
         && !source.exists()
