@@ -29,6 +29,7 @@ const HEADINGS: [&str; 12] = [
     "MAPE",
     "mean",
 ];
+const NOT_EQUAL: &str = "* more than 5 % from the wanted number: no error that was tried gives it.";
 /// Size of the diagram in pixels.
 const DIAGRAM: (u32, u32) = (760, 440);
 
@@ -72,7 +73,7 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
                     @for r in &report.rows { (row(r)) }
                 }
                 @if report.rows.iter().any(|r| !r.equal) {
-                    p { "* more than 5 % from the wanted number: no error that was tried gives it." }
+                    p { (NOT_EQUAL) }
                 }
                 h2 { "relMSE over the number of records" }
                 (PreEscaped(diagram(report)?))
@@ -121,7 +122,7 @@ fn diagram(report: &Report) -> Result<String> {
 }
 
 fn plot(report: &Report, svg: &mut String) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    // The axes hold logarithms: the labels of plotters' own logarithmic axis vanish within a decade.
+    // The axes hold logarithms: plotters' own logarithmic axis has few labels within a decade.
     let place = |r: &Row| ((r.records.max(1) as f64).log10(), r.relmse.max(1e-12).log10());
     let (x, y) = report.rows.iter().map(place).unzip();
     let root = SVGBackend::with_string(svg, DIAGRAM).into_drawing_area();

@@ -114,7 +114,7 @@ impl Stage<'_> {
         Ok(Attempt { cache, limits, passes: stats.passes, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// The same where radiance records serve all surfaces: their irradiance is what is compared.
+    /// The same where radiance records stand on all surfaces: their irradiance is compared.
     fn attempt_whole(&self, cache: Cache, points: &LevelPoints, start: Instant) -> Result<Attempt> {
         let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
         let order = cache.scheme().radiance_order;
