@@ -1,19 +1,18 @@
 //! Whole pictures of our own scenes, for hosts that have no renderer of their own.
 
+use super::abi::{
+    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, Output, lumi_cache, lumi_layer, lumi_render_desc,
+    only, read, text,
+};
 use super::cache::CacheObject;
 use super::describe;
-use super::device::text;
-use super::object::borrow;
+use super::handles::borrow;
 use super::status::{Fault, Outcome, guard, lumi_error};
-use super::types::{
-    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, lumi_cache, lumi_layer, lumi_render_desc, read,
-};
-use super::views::Output;
 use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
 use crate::progress::Progress;
-use crate::render::{self, Caches, Clock, IntegratorKind, Settings};
+use crate::render::{Caches, IntegratorKind, Job};
 
 /// Most layers of one picture.
 const MOST_LAYERS: usize = 256;
@@ -59,82 +58,60 @@ fn wanted(
             .iter()
             .find(|l| l.name == name)
             .ok_or_else(|| Fault::argument(format!("render: there is no layer `{name}`")))?;
-        if layer.channels.len() != wanted.channels as usize {
-            let what = format!(
-                "render: the layer `{name}` has {} channels, not {}",
-                layer.channels.len(),
-                wanted.channels
-            );
-            return Err(Fault::argument(what));
+        let (channels, given) = (layer.channels.len(), wanted.channels);
+        if channels != given as usize {
+            let text = format!("render: the layer `{name}` has {channels} channels, not {given}");
+            return Err(Fault::argument(text));
         }
-        let room =
-            Output::new(wanted.data, samples * layer.channels.len(), 0, "the room of a layer")?;
-        Ok((
-            layer,
-            room.ok_or_else(|| {
-                Fault::argument(format!("render: the room of the layer `{name}` is NULL"))
-            })?,
-        ))
+        let room = Output::new(wanted.data, samples * channels, 0, "the room of a layer")?;
+        if !room.is_wanted() {
+            let text = format!("render: the room of the layer `{name}` is NULL");
+            return Err(Fault::argument(text));
+        }
+        Ok((layer, room))
     };
     (0..count).map(one).collect()
 }
 
 impl CacheObject {
     fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
-        let known = LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC;
-        if desc.flags & !known != 0
-            || desc.width == 0
-            || desc.height == 0
-            || desc.width > 1 << 16
-            || desc.height > 1 << 16
-        {
-            return Err(Fault::argument(format!(
-                "render: {} x {} pixels, flags {:#x}",
-                desc.width, desc.height, desc.flags
-            )));
+        only(LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC, desc.flags, "render")?;
+        let possible = 1..=1 << 16;
+        if !possible.contains(&desc.width) || !possible.contains(&desc.height) {
+            let text = format!("render: {} x {} pixels are not possible", desc.width, desc.height);
+            return Err(Fault::argument(text));
         }
         let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
-        let settings = Settings {
-            integrator: if desc.flags & LUMI_RENDER_PATH != 0 {
-                IntegratorKind::Path
-            } else {
-                IntegratorKind::Cache
-            },
-            scheme: made_by.scheme,
-            camera: camera(desc)?,
-            size: [desc.width, desc.height],
-            window: [0, 0, desc.width, desc.height],
-            spp: if desc.samples == 0 { 16 } else { desc.samples },
-            noise: 0.0,
-            max_bounces: made_by.max_bounces,
-            seed: made_by.seed,
-            prepass_only: false,
+        let integrator = if desc.flags & LUMI_RENDER_PATH != 0 {
+            IntegratorKind::Path
+        } else {
+            IntegratorKind::Cache
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
         let before = match self.gloss.load_full() {
             Some(gloss) => Caches::of(before, Some(gloss)),
-            None => Caches::new(scene, &settings.scheme, settings.max_bounces, Some(before)),
+            None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
-        let frame = self.run(&progress, true, |_| {
-            render::frame_with(
-                scene,
-                &settings,
-                Some(before),
-                &progress,
-                &mut Clock::default(),
-                &mut |_, _| (),
-            )
-        })??;
+        let job = Job::new(scene)
+            .scheme(made_by.scheme)
+            .integrator(integrator)
+            .camera(camera(desc)?)
+            .size(desc.width, desc.height)
+            .spp(if desc.samples == 0 { 16 } else { desc.samples })
+            .max_bounces(made_by.max_bounces)
+            .seed(made_by.seed)
+            .caches(before)
+            .progress(&progress);
+        let frame = self.run(&progress, true, |_| job.run())??.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {
-                samples
-                    .iter()
-                    .enumerate()
-                    .for_each(|(i, x)| room.set(i * channels.len() + c, [*x]));
+                for (i, x) in samples.iter().enumerate() {
+                    room.set(i * channels.len() + c, [*x]);
+                }
             }
         }
         if frame.cancelled {

@@ -4,7 +4,7 @@ use super::probe::{Bundle, Deeper, HitChange, RadianceProbe};
 use super::strata::{Density, Layout};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 
 /// The cosine ξ at a hit is not taken below this where estimates divide by it: 1/cos ξ has no
 /// finite variance.
@@ -67,7 +67,7 @@ impl HemisphereSamples {
             &mut self.bundle.dir_local,
             &mut self.bundle.pdf,
         );
-        self.bundle.seed = hash(&[seed, 1]);
+        self.bundle.seed = hash(&[seed, stream::RAYS]);
         probe.incoming(at, level, deeper, &mut self.bundle);
     }
 

@@ -180,22 +180,21 @@ impl Device {
         self.report.limit.store(isize::try_from(bytes).unwrap_or(isize::MAX), Ordering::Relaxed);
     }
 
-    /// The first error since the last call, if there was one, as `Error::Device` that begins with
-    /// `what`.
+    /// The first error since the last call, if there was one, as `Error::OutOfMemory` or
+    /// `Error::Device` that begins with `what`.
     fn check(&self, what: &str) -> Result<()> {
         // SAFETY: the handle is valid while self lives. The call clears the thread's error code.
         let code = unsafe { rtc!(rtcGetDeviceError; self.handle) };
         let reported =
             self.report.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match reported.or((code != raw::RTC_ERROR_NONE).then(|| (code, String::new()))) {
-            None => Ok(()),
-            Some((code, text)) if text.is_empty() => {
-                Err(Error::Device(format!("Embree, {what}: {}", describe(code))))
-            }
-            Some((code, text)) => {
-                Err(Error::Device(format!("Embree, {what}: {} ({text})", describe(code))))
-            }
-        }
+        let code_alone = (code != raw::RTC_ERROR_NONE).then(|| (code, String::new()));
+        let Some((code, text)) = reported.or(code_alone) else { return Ok(()) };
+        let text = if text.is_empty() { text } else { format!(" ({text})") };
+        let text = format!("Embree, {what}: {}{text}", describe(code));
+        Err(match code {
+            raw::RTC_ERROR_OUT_OF_MEMORY => Error::OutOfMemory(text),
+            _ => Error::Device(text),
+        })
     }
 }
 
@@ -256,7 +255,7 @@ impl SceneBuilder {
     /// medium: in robust mode, high makes the same hierarchy.
     ///
     /// # Errors
-    /// `Error::Device`, when memory runs out.
+    /// `Error::OutOfMemory`.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         // SAFETY: the device is valid.
         let handle = unsafe { rtc!(rtcNewScene; device.handle) };
@@ -327,8 +326,8 @@ impl SceneBuilder {
     /// Adds triangles under the number `id`, which hits give back as their instance.
     ///
     /// # Errors
-    /// `Error::InvalidArgument` if an index is beyond the positions; `Error::Device` when memory
-    /// runs out or `id` is taken.
+    /// `Error::InvalidArgument` if an index is beyond the positions; `Error::OutOfMemory`;
+    /// `Error::Device` when `id` is taken.
     pub fn add_triangles(
         &mut self,
         id: u32,
@@ -357,7 +356,7 @@ impl SceneBuilder {
     /// `to_world` holds the columns x, y, z and translation.
     ///
     /// # Errors
-    /// `Error::Device` when memory runs out or `id` is taken.
+    /// `Error::OutOfMemory`; `Error::Device` when `id` is taken.
     pub fn add_instance(
         &mut self,
         id: u32,
@@ -378,7 +377,7 @@ impl SceneBuilder {
     /// Builds the hierarchy, with TBB's threads.
     ///
     /// # Errors
-    /// `Error::Device` when memory runs out.
+    /// `Error::OutOfMemory`.
     pub fn commit(self) -> Result<Scene> {
         // SAFETY: the scene is valid and only this thread has it.
         unsafe { rtc!(rtcCommitScene; self.0.handle) };
@@ -433,8 +432,8 @@ mod tests {
     fn running_out_of_memory_is_an_error() {
         let device = Device::new("").unwrap();
         device.limit_memory(1 << 20);
-        let text = square(&device, 300).err().unwrap().to_string();
-        assert!(text.contains("out of memory"), "{text}");
+        let error = square(&device, 300).err().unwrap();
+        assert!(matches!(error, Error::OutOfMemory(_)), "{error}");
         // The device works again when there is memory, and has given back what the failed scene
         // held.
         assert!(device.memory_bytes() < 1 << 16, "{}", device.memory_bytes());

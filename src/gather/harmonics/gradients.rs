@@ -65,8 +65,9 @@ impl HemisphereSamples {
     ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-) D(jk; j,k-1) }
     /// ```
     ///
-    /// with `D(a; b) = (L_a - L_b)/min(r_a, r_b)`. No derivative of H, no normal at the hit. The zonal factor of H is the same for all sectors,
-    /// so the sums over j are made before the trigonometric factor is applied.
+    /// with `D(a; b) = (L_a - L_b)/min(r_a, r_b)`. No derivative of H and no normal at the hit are
+    /// needed. The zonal factor of H is the same for all sectors, so the sums over j are made before
+    /// the trigonometric factor is applied.
     fn boundary(&self, basis: &dyn Basis) -> [Coefficients; 2] {
         let Layout::Polar { m, n } = self.layout else {
             panic!("the boundary gradient needs the polar layout")
