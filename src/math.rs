@@ -74,6 +74,14 @@ impl Frame {
     }
 }
 
+/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place of `t` in the cell.
+#[inline]
+pub fn cell(t: f32, count: usize) -> (usize, f32) {
+    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
+    let i = (x as usize).min(count - 2);
+    (i, x - i as f32)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,4 +1,5 @@
-//! Records drawn over the image: a dot where each lies, the outline of its area, coloured by level.
+//! Records drawn over the image: a dot at the position and the outline of the area, coloured by
+//! level.
 
 use super::settings::Settings;
 use crate::cache::{Cache, Reach};
@@ -21,13 +22,13 @@ const COLORS: [Color; 4] = [
     Color::new(1.0, 0.1, 0.8),
     Color::new(0.2, 1.0, 0.2),
 ];
-/// Areas narrower than this many pixels are not outlined: they would cover the image.
+/// Areas narrower than this many pixels get no outline: outlines would cover the image.
 const OUTLINED: f32 = 6.0;
 /// Points of an outline.
 const OUTLINE: usize = 48;
 
-/// Draws the records of all levels of `caches` that the camera sees; those hidden behind what it
-/// sees are left out.
+/// Draws the records of all levels of `caches` that the camera sees. Records behind other surfaces
+/// are left out.
 pub fn draw<'a>(
     film: &Film,
     caches: impl Iterator<Item = &'a Cache>,
