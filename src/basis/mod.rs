@@ -11,10 +11,10 @@
 //! without the Condon-Shortley sign (-1)^m. z is the pole: for the hemisphere, the surface normal.
 
 mod functions;
-mod hsh;
 mod quadrature;
-mod rotation;
 mod sh;
+mod hsh;
+mod rotation;
 mod tilt;
 
 pub use functions::{Basis, Jet, LANES, Lane, MAX_ORDER, index, triangle, zonal_factors};

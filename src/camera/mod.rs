@@ -103,9 +103,11 @@ impl Camera {
     /// `None` for a point that is not in front of it. The point may lie outside the image.
     ///
     /// ```text
-    /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)        perspective, θ the angle with the view axis, d the distance
-    ///                 = w h / (4 xmag ymag)                   orthographic
+    /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)   perspective
+    ///                 = w h / (4 xmag ymag)              orthographic
     /// ```
+    ///
+    /// with the angle θ to the view axis and the distance d.
     pub fn view(&self, point: Vec3, size: [u32; 2]) -> Option<CameraView> {
         let (w, h) = (size[0] as f32, size[1] as f32);
         let axes = self.to_world.matrix3;

@@ -1,13 +1,15 @@
 //! Building: the records that seed points need.
 
+use super::abi::{lumi_cache, lumi_query, read};
 use super::cache::{CacheObject, Settings};
-use super::host::{Exchange, Host};
+use super::handles::borrow;
 use super::query::Points;
 use super::scene::World;
-use super::status::{Fault, Outcome};
+use super::status::{Fault, Outcome, guard, lumi_error};
 use crate::cache::{Cache, LevelPoints};
 use crate::error::Error;
 use crate::geometry::SurfacePoint;
+use crate::hosted::{Exchange, Host};
 use crate::progress::{Phase, Progress};
 use crate::render::{Caches, Gloss, Job, Spot};
 use crate::sampling::hash;
@@ -22,7 +24,7 @@ type Built = (Cache, Option<Arc<Gloss>>);
 
 impl CacheObject {
     /// Fills all levels, deepest first, with what `points` need on the first.
-    pub fn build(&self, points: &Points) -> Outcome {
+    fn build(&self, points: &Points) -> Outcome {
         let started = Instant::now();
         let (settings, snapshot, progress) =
             (self.settings(), self.live.snapshot(), Progress::default());
@@ -100,12 +102,7 @@ impl CacheObject {
         for level in 1..cache.level_count() {
             let (from, count) = (&levels[levels.len() - 1].points, settings.deeper_points as usize);
             let seed = hash(&[settings.seed, 2, u64::from(level)]);
-            // All bounces are in what a host may answer: there are no deeper levels then.
-            let points = if host.is_full() {
-                Vec::new()
-            } else {
-                probe.next_points(from, count, u32::from(level), seed)
-            };
+            let points = probe.next_points(from, count, u32::from(level), seed);
             levels.push(LevelPoints { points, round: 0 });
         }
         progress.start(Phase::Fill, levels.iter().map(|l| l.points.len() as u64).sum());
@@ -152,4 +149,27 @@ fn spots(
     } else {
         of_irradiance.chain(of_radiance).collect()
     }
+}
+
+/// Makes records until every seed point is covered; records of deeper bounces come first. Where
+/// seeds have `wo`, and scene and preset have a use for them, radiance records are made beside the
+/// others, for glossy lobes that harmonics represent. Presets that refine records refine them in
+/// scenes of our own. Records that the cache has already are kept. The same settings, points and
+/// calls give the same records, bit for bit, on any number of threads. After a failure, and when
+/// cancelled, the cache is as before.
+///
+/// `seeds`: positions, normals, wo and footprints are read, nothing is written.
+///
+/// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lumi_cache_build(
+    cache: lumi_cache,
+    seeds: *const lumi_query,
+) -> lumi_error {
+    guard("lumi_cache_build", || {
+        let cache = borrow::<CacheObject>(cache)?;
+        let points = Points::new(&read(seeds, "the query")?, &cache)?;
+        let _alone = cache.change()?;
+        cache.build(&points)
+    })
 }

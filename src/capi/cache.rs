@@ -1,20 +1,17 @@
 //! Caches: settings, building, files, statistics.
 
-use super::device::text;
-use super::host::{Exchange, Host};
-use super::object::{borrow, clear, publish, release, retain};
-use super::probe::HostProbe;
-use super::query::{Points, points};
-use super::scene::{SceneObject, World, path};
-use super::status::{
-    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error,
+use super::abi::{
+    LUMI_REUSE, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_record, lumi_scene, lumi_stats,
+    only, path, text, write,
 };
-use super::types::{
-    LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats,
-    write,
+use super::handles::{Kind, borrow, clear, publish, release, retain};
+use super::scene::{SceneObject, World};
+use super::status::{
+    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error,
 };
 use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
 use crate::gather::RadianceProbe;
+use crate::hosted::{Exchange, Host, HostProbe};
 use crate::progress::Progress;
 use crate::render::Gloss;
 use crate::transport::{PathTracer, SceneProbe};
@@ -22,7 +19,7 @@ use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError};
 use std::time::Instant;
 
 /// Points of each deeper level, unless the setting `deeper_points` says otherwise.
@@ -74,15 +71,23 @@ pub(super) struct CacheObject {
     pub counters: Counters,
 }
 
+impl Kind for CacheObject {
+    type Opaque = lumi_cache_s;
+    const NAME: &'static str = "cache";
+    fn touched(&self) -> &Touched {
+        &self.touched
+    }
+}
+
 impl CacheObject {
     /// A copy of the settings: nothing stays locked.
     pub fn settings(&self) -> Settings {
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.settings).clone()
     }
 
     /// The host's progress callback.
     pub fn watcher(&self) -> Option<(Watcher, usize)> {
-        let (callback, user) = *self.watcher.lock().unwrap_or_else(PoisonError::into_inner);
+        let (callback, user) = *lock(&self.watcher);
         callback.map(|c| (c, user))
     }
 
@@ -136,7 +141,7 @@ impl CacheObject {
                 "the cache has records: clear it before its settings change",
             ));
         }
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner).set(name, value)?;
+        lock(&self.settings).set(name, value)?;
         self.put(self.empty()?, None);
         Ok(())
     }
@@ -197,10 +202,7 @@ impl CacheObject {
             .map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
         let (sum, max, count) =
             radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
-        let host = match &self.scene.committed()?.world {
-            World::Own(_) => [0; 2],
-            World::Host(host) => host.counts(),
-        };
+        let host = self.scene.committed()?.host().map_or([0; 2], Host::counts);
         let gloss = self.gloss.load();
         let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
@@ -275,14 +277,14 @@ pub unsafe extern "C" fn lumi_cache_new(
 ) -> lumi_error {
     guard("lumi_cache_new", || {
         clear(out)?;
-        let scene = borrow::<SceneObject>(scene)?.arc().clone();
+        let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::by_name(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
         let settings =
             Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
         let object = CacheObject {
-            touched: Touched { log: scene.device.touched.log.clone(), broken: Arc::default() },
+            touched: scene.touched.child(),
             scene,
             settings: Mutex::new(settings),
             live,
@@ -292,7 +294,7 @@ pub unsafe extern "C" fn lumi_cache_new(
             waiting: OnceLock::new(),
             counters: Counters::default(),
         };
-        publish(Arc::new(object), out)
+        publish(object, out)
     })
 }
 
@@ -369,32 +371,8 @@ pub unsafe extern "C" fn lumi_cache_set_progress(
 ) -> lumi_error {
     guard("lumi_cache_set_progress", || {
         let cache = borrow::<CacheObject>(cache)?;
-        *cache.watcher.lock().unwrap_or_else(PoisonError::into_inner) =
-            (callback, user.expose_provenance());
+        *lock(&cache.watcher) = (callback, user.expose_provenance());
         Ok(())
-    })
-}
-
-/// Makes records until every seed point is covered, and before that those of deeper bounces. Where
-/// seeds have `wo` and scene and preset are for it, radiance records are made beside them, for
-/// glossy lobes that harmonics represent; presets that refine records refine them, in scenes of our
-/// own. What the cache has already is kept. The same settings, points and calls give the
-/// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as
-/// before.
-///
-/// `seeds`: positions, normals, wo and footprints are read, nothing is written.
-///
-/// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_build(
-    cache: lumi_cache,
-    seeds: *const lumi_query,
-) -> lumi_error {
-    guard("lumi_cache_build", || {
-        let cache = borrow::<CacheObject>(cache)?;
-        let points: Points = points(seeds, &cache)?;
-        let _alone = cache.change()?;
-        cache.build(&points)
     })
 }
 
@@ -414,7 +392,7 @@ pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
 /// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what
 /// they were made for.
 ///
-/// `path`: UTF-8.
+/// `file`: the path, UTF-8.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -423,17 +401,15 @@ pub unsafe extern "C" fn lumi_cache_save(cache: lumi_cache, file: *const c_char)
 }
 
 fn reuse(flags: u32) -> Outcome<bool> {
-    if flags & !LUMI_REUSE != 0 {
-        return Err(Fault::argument(format!("unknown flags {flags:#x}")));
-    }
-    Ok(flags & LUMI_REUSE != 0)
+    only(LUMI_REUSE, flags, "reuse")?;
+    Ok(flags == LUMI_REUSE)
 }
 
 /// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the
 /// file was made for another scene or under other settings, which LUMI_REUSE overlooks.
 /// LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
 ///
-/// `path`: UTF-8. `flags`: 0 or LUMI_REUSE.
+/// `file`: the path, UTF-8. `flags`: 0 or LUMI_REUSE.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]

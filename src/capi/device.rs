@@ -1,11 +1,11 @@
 //! Devices: threads, ray tracer and log of one user of the library.
 
-use super::object::{borrow, clear, publish, release, retain};
+use super::abi::{LUMI_ABI_VERSION, copy_text, lumi_device, lumi_device_s, text};
+use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::status::{
-    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Log, Outcome, Touched, guard, guard_void,
+    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Outcome, Touched, guard, guard_void,
     lumi_error, lumi_log_fn,
 };
-use super::types::{LUMI_ABI_VERSION, lumi_device};
 use crate::accel::{Accel, Backend};
 use crate::error::Error;
 use crate::ffi::mxcsr;
@@ -13,7 +13,6 @@ use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
 use std::ffi::{CStr, c_char, c_void};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// The environment variable that names the folder of tables where the host names none.
 const TABLES: &str = "LUMICACHE_TABLES";
@@ -32,6 +31,14 @@ pub(super) struct DeviceObject {
     pub tables: TableStore,
 }
 
+impl Kind for DeviceObject {
+    type Opaque = lumi_device_s;
+    const NAME: &'static str = "device";
+    fn touched(&self) -> &Touched {
+        &self.touched
+    }
+}
+
 impl DeviceObject {
     pub fn warn(&self, message: &str) {
         self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, message);
@@ -47,18 +54,6 @@ pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadP
         .start_handler(|_| mxcsr::flush_denormals())
         .build()
         .map_err(|e| Error::Device(format!("threads could not be started: {e}")).into())
-}
-
-/// The text at `at`.
-pub(super) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
-    if at.is_null() {
-        return Err(Fault::argument(format!("{what} is NULL")));
-    }
-    // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond
-    // which it is not kept.
-    unsafe { CStr::from_ptr(at) }
-        .to_str()
-        .map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
 }
 
 fn new_device(config: &str) -> Outcome<DeviceObject> {
@@ -89,8 +84,7 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
     }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
-    let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
-    let pool = pool(threads, "lumicache")?;
+    let (touched, pool) = (Touched::default(), pool(threads, "lumicache")?);
     let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
     let tables = TableStore::new(folder);
     Ok(DeviceObject { touched, pool, backend, backend_version, tables })
@@ -152,7 +146,7 @@ pub unsafe extern "C" fn lumi_device_new(
             return Err(Fault::new(LUMI_ERROR_VERSION, what));
         }
         let config = if config.is_null() { "" } else { text(config, "config")? };
-        publish(Arc::new(new_device(config)?), out)
+        publish(new_device(config)?, out)
     })
 }
 
@@ -203,12 +197,13 @@ pub unsafe extern "C" fn lumi_device_get_backend(
         if buffer.is_null() || size == 0 {
             return Err(Fault::argument("there is no room for the text"));
         }
-        let bytes = device.backend_version.as_bytes();
-        let count = bytes.len().min(size - 1);
-        for (i, byte) in bytes[..count].iter().chain(&[0]).enumerate() {
-            // SAFETY: the host passes room for `size` bytes, and i <= count < size.
-            unsafe { buffer.add(i).write(*byte as c_char) };
-        }
+        let size = size.min(device.backend_version.len() + 1);
+        // SAFETY: the host passes room for at least `size` bytes, and at least one.
+        let room = unsafe {
+            std::ptr::write_bytes(buffer, 0, size);
+            std::slice::from_raw_parts_mut(buffer, size)
+        };
+        copy_text(&device.backend_version, &mut room[..size - 1]);
         Ok(())
     })
 }

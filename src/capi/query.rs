@@ -1,16 +1,15 @@
 //! Questions to a cache, many points at a time.
 
-use super::cache::CacheObject;
-use super::object::borrow;
-use super::probe::surface_point;
-use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
-use super::types::{
-    LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED,
-    LUMI_QUERY_FILL, lumi_cache, lumi_query, read,
+use super::abi::{
+    Input, LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED,
+    LUMI_QUERY_FILL, Output, lumi_cache, lumi_query, only, read,
 };
-use super::views::{Input, Output};
+use super::cache::CacheObject;
+use super::handles::borrow;
+use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
 use crate::cache::{Answer, LevelPoints, Snapshot};
 use crate::geometry::SurfacePoint;
+use crate::hosted::surface_point;
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::hash;
@@ -34,13 +33,8 @@ pub(super) struct Points {
     default_footprint: f32,
 }
 
-/// The points that the host's query names.
-pub(super) fn points(query: *const lumi_query, cache: &CacheObject) -> Outcome<Points> {
-    Points::new(&read(query, "the query")?, cache)
-}
-
 impl Points {
-    fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
+    pub fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
         Ok(Self {
             position: Input::required(q.position, q.n, q.position_stride, "position")?,
             normal: Input::required(q.normal, q.n, q.normal_stride, "normal")?,
@@ -94,10 +88,10 @@ impl Points {
 
 /// Where the answers go.
 struct Answers {
-    irradiance: Option<Output<f32, 3>>,
-    radiance: Option<Output<f32, 3>>,
-    error: Option<Output<f32, 1>>,
-    status: Option<Output<u8, 1>>,
+    irradiance: Output<f32, 3>,
+    radiance: Output<f32, 3>,
+    error: Output<f32, 1>,
+    status: Output<u8, 1>,
 }
 
 impl Answers {
@@ -112,15 +106,9 @@ impl Answers {
 
     #[inline]
     fn set(&mut self, i: usize, irradiance: Color, error: f32, status: u8) {
-        if let Some(o) = &mut self.irradiance {
-            o.set(i, irradiance.to_array());
-        }
-        if let Some(o) = &mut self.error {
-            o.set(i, [error]);
-        }
-        if let Some(o) = &mut self.status {
-            o.set(i, [status]);
-        }
+        self.irradiance.set(i, irradiance);
+        self.error.set(i, [error]);
+        self.status.set(i, [status]);
     }
 }
 
@@ -147,17 +135,13 @@ fn arriving(answer: &Answer) -> Color {
 
 impl CacheObject {
     fn query(&self, q: &lumi_query) -> Outcome {
-        if q.flags & !LUMI_QUERY_FILL != 0 {
-            return Err(Fault::argument(format!("query: unknown flags {:#x}", q.flags)));
-        }
+        only(LUMI_QUERY_FILL, q.flags, "query")?;
         let (points, mut answers) = (Points::new(q, self)?, Answers::new(q)?);
         let mut missed = Vec::new();
         let mut hits = 0;
-        let mut begin = 0;
-        while begin < q.n {
-            let end = q.n.min(begin + CHUNK);
+        for begin in (0..q.n).step_by(CHUNK) {
             self.live.read(|snapshot| {
-                for i in begin..end {
+                for i in begin..q.n.min(begin + CHUNK) {
                     let Some(at) = points.get(i) else {
                         answers.set(i, Color::ZERO, 0.0, LUMI_POINT_REJECTED);
                         continue;
@@ -174,7 +158,6 @@ impl CacheObject {
                     }
                 }
             });
-            begin = end;
         }
         self.counters.queries.fetch_add(q.n as u64, Ordering::Relaxed);
         self.counters.hits.fetch_add(hits, Ordering::Relaxed);
@@ -188,8 +171,8 @@ impl CacheObject {
                 }
             });
         }
-        if let Some(radiance) = &mut answers.radiance {
-            self.glossy(q, &points, radiance)?;
+        if answers.radiance.is_wanted() {
+            self.glossy(q, &points, &mut answers.radiance)?;
         }
         Ok(())
     }
@@ -232,7 +215,7 @@ impl CacheObject {
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });
-        found.iter().enumerate().for_each(|(i, c)| radiance.set(i, c.to_array()));
+        found.iter().enumerate().for_each(|(i, c)| radiance.set(i, *c));
         Ok(())
     }
 }

@@ -1,14 +1,13 @@
 //! Whole pictures of our own scenes, for hosts that have no renderer of their own.
 
+use super::abi::{
+    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, Output, lumi_cache, lumi_layer, lumi_render_desc,
+    only, read, text,
+};
 use super::cache::CacheObject;
 use super::describe;
-use super::device::text;
-use super::object::borrow;
+use super::handles::borrow;
 use super::status::{Fault, Outcome, guard, lumi_error};
-use super::types::{
-    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, lumi_cache, lumi_layer, lumi_render_desc, read,
-};
-use super::views::Output;
 use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
@@ -59,39 +58,28 @@ fn wanted(
             .iter()
             .find(|l| l.name == name)
             .ok_or_else(|| Fault::argument(format!("render: there is no layer `{name}`")))?;
-        if layer.channels.len() != wanted.channels as usize {
-            let what = format!(
-                "render: the layer `{name}` has {} channels, not {}",
-                layer.channels.len(),
-                wanted.channels
-            );
-            return Err(Fault::argument(what));
+        let (channels, given) = (layer.channels.len(), wanted.channels);
+        if channels != given as usize {
+            let text = format!("render: the layer `{name}` has {channels} channels, not {given}");
+            return Err(Fault::argument(text));
         }
-        let room =
-            Output::new(wanted.data, samples * layer.channels.len(), 0, "the room of a layer")?;
-        Ok((
-            layer,
-            room.ok_or_else(|| {
-                Fault::argument(format!("render: the room of the layer `{name}` is NULL"))
-            })?,
-        ))
+        let room = Output::new(wanted.data, samples * channels, 0, "the room of a layer")?;
+        if !room.is_wanted() {
+            let text = format!("render: the room of the layer `{name}` is NULL");
+            return Err(Fault::argument(text));
+        }
+        Ok((layer, room))
     };
     (0..count).map(one).collect()
 }
 
 impl CacheObject {
     fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
-        let known = LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC;
-        if desc.flags & !known != 0
-            || desc.width == 0
-            || desc.height == 0
-            || desc.width > 1 << 16
-            || desc.height > 1 << 16
-        {
-            return Err(Fault::argument(format!(
-                "render: {} x {} pixels, flags {:#x}",
-                desc.width, desc.height, desc.flags
-            )));
+        only(LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC, desc.flags, "render")?;
+        let possible = 1..=1 << 16;
+        if !possible.contains(&desc.width) || !possible.contains(&desc.height) {
+            let text = format!("render: {} x {} pixels are not possible", desc.width, desc.height);
+            return Err(Fault::argument(text));
         }
         let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
@@ -131,10 +119,9 @@ impl CacheObject {
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {
-                samples
-                    .iter()
-                    .enumerate()
-                    .for_each(|(i, x)| room.set(i * channels.len() + c, [*x]));
+                for (i, x) in samples.iter().enumerate() {
+                    room.set(i * channels.len() + c, [*x]);
+                }
             }
         }
         if frame.cancelled {

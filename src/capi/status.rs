@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What a function reports: LUMI_OK or one of the LUMI_ERROR_* codes.
 pub type lumi_error = i32;
@@ -94,29 +94,30 @@ impl From<Error> for Fault {
             }
             Error::Stale { .. } => LUMI_ERROR_STALE_CACHE,
             Error::Host(_) => LUMI_ERROR_HOST_CALLBACK,
-            Error::Device(what) if what.contains("out of memory") => LUMI_ERROR_OUT_OF_MEMORY,
+            Error::OutOfMemory(_) => LUMI_ERROR_OUT_OF_MEMORY,
             Error::Device(_) => LUMI_ERROR_UNKNOWN,
         };
         Self::new(code, error.to_string())
     }
 }
 
+/// Locks `mutex`, also after a panic of another thread.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// The host's log callback.
+#[derive(Default)]
 pub(super) struct Log(Mutex<(lumi_log_fn, usize)>);
 
 impl Log {
-    pub fn new() -> Self {
-        Self(Mutex::new((None, 0)))
-    }
-
     pub fn set(&self, callback: lumi_log_fn, user: *mut c_void) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
-            (callback, user.expose_provenance());
+        *lock(&self.0) = (callback, user.expose_provenance());
     }
 
     /// Hands a message to the host, if it listens.
     pub fn tell(&self, severity: i32, code: lumi_error, message: &str) {
-        let (callback, user) = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (callback, user) = *lock(&self.0);
         if let Some(callback) = callback {
             let text = c_string(message);
             // SAFETY: the host has given a function of this type and a pointer for it; the text
@@ -129,10 +130,17 @@ impl Log {
 }
 
 /// What a call touches: where its failure is told, and what a panic spoils.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Touched {
     pub log: Arc<Log>,
     pub broken: Arc<AtomicBool>,
+}
+
+impl Touched {
+    /// That of an object that tells its failures where this one does.
+    pub fn child(&self) -> Self {
+        Self { log: self.log.clone(), broken: Arc::default() }
+    }
 }
 
 #[derive(Default)]
@@ -261,8 +269,8 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_an_error_and_spoils_what_it_touched() {
-        let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
-        let untouched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
+        let touched = Touched::default();
+        let untouched = Touched::default();
         touch(untouched.clone());
         let code = guard("lumi_a", || {
             touch(touched.clone());

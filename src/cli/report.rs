@@ -7,7 +7,8 @@ use super::show::print;
 use super::tables::tables;
 use super::terminal::{Bar, cancel_on_interrupt};
 use lumicache::accel::Backend;
-use lumicache::bench::report::{self, Plan, variant};
+use lumicache::bench::experiment::{self, Plan, variant};
+use lumicache::bench::report;
 use lumicache::cache::Preset;
 use lumicache::error::{Error, Result};
 use lumicache::import::{self, ImportOptions};
@@ -67,7 +68,7 @@ fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::R
         prepass_only: true,
     };
     let title = arguments.scene.file_stem().unwrap_or_default().to_string_lossy();
-    report::run(&scene, &settings, plan, &title, &arguments.output, progress)
+    experiment::run(&scene, &settings, plan, &title, &arguments.output, progress)
 }
 
 fn plan(arguments: &Report) -> Result<Plan> {

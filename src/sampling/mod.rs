@@ -11,6 +11,14 @@ pub use warp::{
     square_to_cosine_hemisphere, square_to_disk,
 };
 
+/// Paths of fewer surface interactions are never ended by Russian roulette.
+pub const ROULETTE_AFTER: u32 = 4;
+/// Highest probability of survival in Russian roulette.
+pub const MAX_SURVIVAL: f32 = 0.98;
+/// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect
+/// mirrors.
+pub const LONGEST_PATH: u32 = 4096;
+
 /// Mixes the bits of `x`: every input bit changes about half of the output bits. A bijection on 64
 /// bits (the finaliser of SplitMix64 [Steele14]).
 #[inline]

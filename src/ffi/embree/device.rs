@@ -146,22 +146,21 @@ impl Device {
         self.report.limit.store(isize::try_from(bytes).unwrap_or(isize::MAX), Ordering::Relaxed);
     }
 
-    /// The first error since the last call, if there was one, as `Error::Device` that begins with
-    /// `what`.
+    /// The first error since the last call, if there was one, as `Error::OutOfMemory` or
+    /// `Error::Device` that begins with `what`.
     pub(super) fn check(&self, what: &str) -> Result<()> {
         // SAFETY: the handle is valid while self lives. The call clears the thread's error code.
         let code = unsafe { rtc!(rtcGetDeviceError; self.handle) };
         let reported =
             self.report.first_error.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match reported.or((code != raw::RTC_ERROR_NONE).then(|| (code, String::new()))) {
-            None => Ok(()),
-            Some((code, text)) if text.is_empty() => {
-                Err(Error::Device(format!("Embree, {what}: {}", describe(code))))
-            }
-            Some((code, text)) => {
-                Err(Error::Device(format!("Embree, {what}: {} ({text})", describe(code))))
-            }
-        }
+        let code_alone = (code != raw::RTC_ERROR_NONE).then(|| (code, String::new()));
+        let Some((code, text)) = reported.or(code_alone) else { return Ok(()) };
+        let text = if text.is_empty() { text } else { format!(" ({text})") };
+        let text = format!("Embree, {what}: {}{text}", describe(code));
+        Err(match code {
+            raw::RTC_ERROR_OUT_OF_MEMORY => Error::OutOfMemory(text),
+            _ => Error::Device(text),
+        })
     }
 }
 

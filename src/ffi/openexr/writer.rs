@@ -16,7 +16,8 @@ pub type Result<T> = std::result::Result<T, String>;
 const WAVE_BYTES: usize = 64 << 20;
 
 thread_local! {
-    /// The last message of the C core on this thread; its error handler has no user pointer of its own.
+    /// The last message of the C core on this thread; its error handler has no user pointer of its
+    /// own.
     static LAST_MESSAGE: Cell<Option<String>> = const { Cell::new(None) };
 }
 

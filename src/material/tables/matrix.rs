@@ -13,7 +13,7 @@ const ROWS: usize = 32;
 /// the radiance that reaches it, in its local frame, per channel,
 ///
 /// ```text
-/// M_ij = ∫ ∫ f(wo, wi) cos θ_i B_j(wi) B_i(wo) dwi dwo        [Zhao, Eq. 3.33, where the cosine is missing]
+/// M_ij = ∫ ∫ f(wo, wi) cos θ_i B_j(wi) B_i(wo) dwi dwo    [Zhao, Eq. 3.33, which lacks the cosine]
 /// ```
 ///
 /// Spherical harmonics take wo over the whole sphere with `f` mirrored at the surface, which is

@@ -9,8 +9,8 @@ use crate::geometry::SurfacePoint;
 use crate::light::EmissionSampler;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
-use crate::sampling::{hash, stream};
-use crate::transport::path::{LONGEST_PATH, PathTracer};
+use crate::sampling::{LONGEST_PATH, hash, stream};
+use crate::transport::path::PathTracer;
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;

@@ -7,8 +7,8 @@ use super::weight::LightDensity;
 use crate::light::{Emission, LightEnd, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec2, Vec3};
-use crate::sampling::{hash, stream};
-use crate::transport::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
+use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, stream};
+use crate::transport::path::{Sampled, split};
 use crate::transport::{CameraSample, Shaded, Surface};
 
 /// A camera path: the camera and its surface vertices.
