@@ -1,20 +1,20 @@
 //! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and
 //! the sampling of all of them.
 
-mod bounds;
-mod distant;
-mod emission;
-mod environment;
 mod ies;
-mod lanes;
-mod lights;
-mod polygon;
-mod punctual;
-mod simd;
-mod sky;
 mod source;
-mod tree;
+mod bounds;
+mod polygon;
+mod simd;
 mod triangle;
+mod lanes;
+mod punctual;
+mod environment;
+mod distant;
+mod sky;
+mod tree;
+mod lights;
+mod emission;
 
 pub use emission::{Emission, EmissionSampler, LightEnd};
 pub use ies::{IesFault, IesProfile, Photometry};

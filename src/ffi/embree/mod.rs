@@ -19,13 +19,13 @@ macro_rules! rtc {
 
 #[cfg(feature = "private-embree")]
 pub(in crate::ffi) mod library;
-#[cfg(feature = "private-embree")]
-pub use library::name as name_library;
 mod device;
 mod scene;
 mod trace;
 
 pub use device::{Device, HEADER_VERSION, check_version};
+#[cfg(feature = "private-embree")]
+pub use library::name as name_library;
 pub use scene::{Scene, SceneBuilder};
 
 #[allow(
