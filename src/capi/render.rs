@@ -12,7 +12,7 @@ use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
 use crate::progress::Progress;
-use crate::render::{self, Caches, Clock, IntegratorKind, Settings};
+use crate::render::{Caches, IntegratorKind, Job};
 
 /// Most layers of one picture.
 const MOST_LAYERS: usize = 256;
@@ -84,38 +84,28 @@ impl CacheObject {
         let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
-        let settings = Settings {
-            integrator: if desc.flags & LUMI_RENDER_PATH != 0 {
-                IntegratorKind::Path
-            } else {
-                IntegratorKind::Cache
-            },
-            scheme: made_by.scheme,
-            camera: camera(desc)?,
-            size: [desc.width, desc.height],
-            window: [0, 0, desc.width, desc.height],
-            spp: if desc.samples == 0 { 16 } else { desc.samples },
-            noise: 0.0,
-            max_bounces: made_by.max_bounces,
-            seed: made_by.seed,
-            prepass_only: false,
+        let integrator = if desc.flags & LUMI_RENDER_PATH != 0 {
+            IntegratorKind::Path
+        } else {
+            IntegratorKind::Cache
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
-        let before = match self.gloss.load_full() {
-            Some(gloss) => Caches::of(before, Some(gloss)),
-            None => Caches::new(scene, &settings.scheme, settings.max_bounces, Some(before)),
+        let before = match self.lobes.load_full() {
+            Some(lobes) => Caches::with(before, Some(lobes)),
+            None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
-        let frame = self.run(&progress, true, |_| {
-            render::frame_with(
-                scene,
-                &settings,
-                Some(before),
-                &progress,
-                &mut Clock::default(),
-                &mut |_, _| (),
-            )
-        })??;
+        let job = Job::new(scene)
+            .scheme(made_by.scheme)
+            .integrator(integrator)
+            .camera(camera(desc)?)
+            .size(desc.width, desc.height)
+            .spp(if desc.samples == 0 { 16 } else { desc.samples })
+            .max_bounces(made_by.max_bounces)
+            .seed(made_by.seed)
+            .caches(before)
+            .progress(&progress);
+        let frame = self.run(&progress, true, |_| job.run())??.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {
@@ -127,15 +117,15 @@ impl CacheObject {
         if frame.cancelled {
             return Err(Error::Cancelled.into());
         }
-        if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
-            self.put(cache, frame.gloss);
+        if let Some(caches) = frame.caches.filter(|_| !snapshot.is_frozen()) {
+            self.put(caches.cache, caches.lobes);
         }
         Ok(())
     }
 }
 
 /// Renders a picture of a scene of our own as the command line does: indirect light of diffuse
-/// surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled
+/// surfaces, and of glossy ones whose lobes the preset caches, from the cache, which is filled
 /// where the camera needs it; everything else by paths. The records are kept, unless the cache is
 /// frozen. Cancelled, the layers hold the samples so far.
 ///

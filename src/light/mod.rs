@@ -1,17 +1,17 @@
 //! Light sources: emissive triangles, the environment, punctual lights and measured luminaires, and
 //! the sampling of all of them.
 
-mod ies;
-mod source;
 mod bounds;
+mod ies;
 mod polygon;
 mod simd;
-mod triangle;
-mod lanes;
-mod punctual;
+mod source;
 mod environment;
 mod distant;
+mod punctual;
 mod sky;
+mod triangle;
+mod lanes;
 mod tree;
 mod lights;
 mod emission;

@@ -5,32 +5,17 @@ use lumicache::cache::Preset;
 use lumicache::film::LAYERS;
 use lumicache::light::EnvironmentMap;
 use lumicache::math::{Affine3A, Color};
-use lumicache::progress::Progress;
-use lumicache::render::{Clock, IntegratorKind, Settings, frame};
+use lumicache::render::{IntegratorKind, Job};
 use lumicache::scene::{Scene, SceneData};
 use std::path::Path;
 
 /// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of
 /// all pixels.
 fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
-    let size = [40, 40];
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
     scheme.set("rays", "400").unwrap();
-    let settings = Settings {
-        integrator,
-        scheme,
-        camera: scene.cameras()[0].clone(),
-        size,
-        window: [0, 0, size[0], size[1]],
-        spp,
-        max_bounces: 3,
-        seed: 1,
-        noise: 0.0,
-        prepass_only: false,
-    };
-    let frame =
-        frame(scene, &settings, &Progress::default(), &mut Clock::default(), &mut |_, _| {})
-            .unwrap();
+    let job = Job::new(scene).scheme(scheme).integrator(integrator).size(40, 40).spp(spp);
+    let frame = job.max_bounces(3).seed(1).run().unwrap().frame;
     let mean = |channels: Vec<Vec<f32>>| {
         let values = channels.iter().flatten();
         values.clone().map(|&v| f64::from(v)).sum::<f64>() / values.count() as f64

@@ -33,9 +33,9 @@ pub const LUMI_FORMAT_U32: u32 = 17;
 pub const LUMI_FORMAT_U32X3: u32 = 19;
 
 /// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all its
-/// caches are released. lumi_scene_commit reads the buffer. Positions and indices of meshes with one
-/// material stay in the buffer if they are dense and aligned; other arrays are copied. Without the
-/// flag, everything is copied at once.
+/// caches are released. lumi_scene_commit reads the buffer. Positions and indices of meshes with
+/// one material stay in the buffer if they are dense and aligned; other arrays are copied. Without
+/// the flag, everything is copied at once.
 pub const LUMI_VIEW_SHARED: u32 = 1;
 
 /// An array in the host's memory. All zero: there is no array.

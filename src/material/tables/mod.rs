@@ -1,10 +1,10 @@
 //! Glossy lobes in harmonics, tabulated over the outgoing direction: what a record of incident
 //! radiance is multiplied with.
 
-mod settings;
 mod quadrature;
 mod lobe;
 mod matrix;
+mod settings;
 mod store;
 mod glossy;
 
