@@ -6,25 +6,21 @@ use lumicache::cache::{RadianceBands, Refinement, Scheme};
 use lumicache::compare::Report;
 use lumicache::film::{LAYERS, Pixel};
 use lumicache::gather::RadianceGradient;
-use lumicache::imagefile::exr::{Channel, Layers, SampleKind};
+use lumicache::imagefile::{Picture, SampleKind};
 use lumicache::material::NativeBrdf;
 use lumicache::math::Color;
 use lumicache::render::{Frame, Settings};
 use lumicache::scene::Scene;
 
 /// One layer of a frame as a picture.
-pub fn layer(frame: &Frame, name: &str) -> Layers {
-    let [width, height] = frame.film.window_size();
+pub fn layer(frame: &Frame, name: &str) -> Picture {
+    let mut picture = Picture::new(frame.film.window_size());
     let channels = frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap());
-    let channel = |(samples, name): (Vec<f32>, &str)| Channel {
-        name: name.to_owned(),
-        kind: SampleKind::Float,
-        samples,
-    };
-    let mut channels: Vec<Channel> =
-        channels.into_iter().zip(["R", "G", "B"]).map(channel).collect();
-    channels.push(channel((vec![1.0; (width * height) as usize], "A")));
-    Layers { width, height, channels, ..Layers::default() }
+    let opaque = vec![1.0; channels[0].len()];
+    for (samples, name) in channels.into_iter().chain([opaque]).zip(["R", "G", "B", "A"]) {
+        picture.add(name, SampleKind::Float, samples);
+    }
+    picture
 }
 
 /// Share of the glossy samples that records served.
