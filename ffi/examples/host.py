@@ -1,4 +1,5 @@
-"""host.py - the library from Python by ctypes: loads a glTF scene, builds a cache where rays meet it, prints the mean irradiance.
+"""host.py - the library from Python by ctypes. Loads a glTF scene, builds a cache where rays meet
+the scene, and prints the mean irradiance.
 
    python3 host.py liblumicache.so scene.gltf
 """

@@ -11,7 +11,7 @@ mod exchange;
 mod host;
 mod probe;
 
-pub use batch::{Answers, Batch, Rays};
+pub use batch::Batch;
 pub use exchange::{Exchange, run};
 pub use host::{Description, Host};
 pub use probe::{HostProbe, surface_point};

@@ -31,7 +31,8 @@ def plane(name, location, rotation, color):
 
 
 def room():
-    """A box without its front, 2 wide, with a cube, an instance of a sphere, a chequered floor and an area light below the ceiling."""
+    """A box without its front, 2 wide, with a cube, an instance of a sphere, a chequered floor and
+    an area light below the ceiling."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     half = np.pi / 2
     plane("floor", (0, 0, 0), (0, 0, 0), (0.7, 0.7, 0.7))

@@ -1,4 +1,4 @@
-"""Plain glTF scenes (meshes, diffuse colours, emission, one camera) as Mitsuba scenes: enough for the tests."""
+"""Plain glTF scenes (meshes, diffuse colours, emission, one camera) as Mitsuba scenes, for tests."""
 import json
 import struct
 from pathlib import Path
@@ -47,7 +47,7 @@ def write_ply(path, positions, triangles):
 
 
 def load(mi, path, folder, size, spp, integrator):
-    """The scene of the glTF file `path` as a dictionary for `mi.load_dict`; meshes are written to `folder`."""
+    """The scene of the glTF file `path` as a dictionary for `mi.load_dict`; meshes go to `folder`."""
     path = Path(path)
     gltf = json.loads(path.read_text())
     scene = {"type": "scene", "integrator": integrator}

@@ -125,7 +125,7 @@ def _columns(matrix):
 
 
 class Library:
-    """The shared library and a device of it. `log(severity, message)` hears of warnings and failures."""
+    """The shared library and a device. `log(severity, message)` hears of warnings and failures."""
 
     def __init__(self, path="liblumicache.so.1", config="", log=None):
         self.c = c.CDLL(path)
@@ -218,14 +218,16 @@ class Scene:
         self.library.call("lumi_scene_add_light", self.handle, c.byref(light))
 
     def set_environment(self, rgb, to_map=None):
-        """`rgb`: rows x columns x 3, from the zenith (+y); `to_map`: 3 x 3 rotation from the world to the map."""
+        """`rgb`: rows x columns x 3, from the zenith (+y); `to_map`: 3 x 3 rotation from the world
+        to the map."""
         rgb = np.ascontiguousarray(rgb, np.float32)
         rotation = None if to_map is None else (c.c_float * 9)(*np.asarray(to_map, np.float32).T.ravel())
         height, width, _ = rgb.shape
         self.library.call("lumi_scene_set_environment", self.handle, c.c_void_p(rgb.ctypes.data), c.c_uint32(width), c.c_uint32(height), rotation)
 
     def set_host(self, trace, bounds, flags=0, preferred_batch=0, max_batch=0, scene_hash=0):
-        """`trace(rays)` fills the arrays of `rays`: see `Rays`. An exception in it ends the library's call and is raised from there."""
+        """`trace(rays)` fills the arrays of `rays`: see `Rays`. An exception in `trace` ends the
+        call of the library, which raises it again."""
 
         def callback(_, batch):
             try:
@@ -255,7 +257,8 @@ class Scene:
 
 
 class Rays:
-    """A batch of rays as numpy arrays that share the library's memory: origin, dir, bounce, seed to read; radiance, distance, normal, albedo to fill."""
+    """A batch of rays as numpy arrays in the library's memory: origin, dir, bounce and seed to read;
+    radiance, distance, normal and albedo to fill."""
 
     def __init__(self, batch):
         self.n = batch.n
@@ -315,7 +318,8 @@ class Cache:
         return irradiance, status
 
     def render(self, width, height, camera, yfov, samples=16, layers=("",), flags=0):
-        """The layers, each rows x columns x channels, first row on top. `camera`: 4 x 4, camera to world."""
+        """The layers, each rows x columns x channels, first row on top. `camera`: 4 x 4, camera to
+        world."""
         channels = {"": 4, "Z": 1, "gi.records": 1, "gi.status": 1, "gi.error": 1}
         rooms = {name: np.zeros((height, width, channels.get(name, 3)), np.float32) for name in layers}
         described = (Layer * len(rooms))(*[Layer(n.encode(), r.ctypes.data, r.shape[2]) for n, r in rooms.items()])

@@ -27,7 +27,8 @@ VECTORS = ("albedo", "N")
 
 
 def library_path():
-    """The library: the preference, else the variable LUMICACHE_LIBRARY, else the one packed beside this file, else what the system finds."""
+    """The library: the preference, else the variable LUMICACHE_LIBRARY, else the one packed beside
+    this file, else what the system finds."""
     addon = bpy.context.preferences.addons.get(__name__)
     packed = HERE / "liblumicache.so.1"
     candidates = [addon.preferences.library if addon else "", os.environ.get("LUMICACHE_LIBRARY", ""), str(packed) if packed.exists() else ""]
@@ -108,7 +109,8 @@ class Export:
         return self.materials[key]
 
     def describe(self, material):
-        """The fields of a library material: those of the Principled BSDF or the Emission that the output shows."""
+        """The fields of a library material: those of the Principled BSDF or the Emission that the
+        output shows."""
         flags = {"flags": 1}  # Blender's surfaces emit from both sides
         tree = material.node_tree if material else None
         if tree is None:
@@ -201,7 +203,8 @@ class Export:
         if node.inputs["Color"].is_linked:
             self.warnings.append("the world's texture is not read: its colour is used")
         color = np.array(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
-        # A black world is a light too, though none that shows: without it the library would light an otherwise dark scene by a dome.
+        # A black world is a light, too, though it does not show: without it the library would light
+        # an otherwise dark scene by a dome.
         self.scene.set_environment(color.reshape(1, 1, 3))
 
 
