@@ -8,6 +8,7 @@ vectorised variants (llvm_ad_rgb); see README.md.
     lumicache_integrator.register("/usr/local/lib/liblumicache.so.1")
     scene = mi.load_dict({..., "integrator": {"type": "lumicache_host"}})
 """
+
 import sys
 import threading
 from pathlib import Path
@@ -37,7 +38,11 @@ def facing(si, direction):
 def direct(scene, si, bsdf, sample, active):
     """Reflected light of one emitter sample."""
     ds, weight = scene.sample_emitter_direction(si, sample, True, active)
-    return dr.select(active & (ds.pdf > 0), bsdf.eval(mi.BSDFContext(), si, si.to_local(ds.d), active) * weight, 0)
+    return dr.select(
+        active & (ds.pdf > 0),
+        bsdf.eval(mi.BSDFContext(), si, si.to_local(ds.d), active) * weight,
+        0,
+    )
 
 
 class HostIntegrator(mi.SamplingIntegrator):
@@ -48,13 +53,15 @@ class HostIntegrator(mi.SamplingIntegrator):
         self.preset = props.get("preset", "auto")
         self.flags = lumicache.HOST_CONCURRENT if props.get("concurrent", False) else 0
         levels = (mi.LogLevel.Info, mi.LogLevel.Warn)
-        self.library = lumicache.Library(path, log=lambda severity, text: mi.Log(levels[severity > 0], text))
+        self.library = lumicache.Library(
+            path, log=lambda severity, text: mi.Log(levels[severity > 0], text)
+        )
         self.cache, self.prepared = None, None
         # Dr.Jit is used by one thread at a time, whichever that is.
         self.turn = threading.Lock()
 
     def trace(self, scene, rays):
-        """What the callback answers: nearest hits, their normals, albedos and reflected direct light."""
+        """The answers of the callback: nearest hits, normals, albedos, reflected direct light."""
         ray = mi.Ray3f(vector(mi.Point3f, rays.origin), vector(mi.Vector3f, rays.dir))
         si = scene.ray_intersect(ray)
         hit = si.is_valid()
@@ -84,7 +91,11 @@ class HostIntegrator(mi.SamplingIntegrator):
         """Makes records at the points that the camera sees, one for each pixel."""
         world = self.library.scene()
         box = scene.bbox()
-        world.set_host(lambda rays: self.locked_trace(scene, rays), (tuple(box.min), tuple(box.max)), self.flags)
+        world.set_host(
+            lambda rays: self.locked_trace(scene, rays),
+            (tuple(box.min), tuple(box.max)),
+            self.flags,
+        )
         world.commit()
         self.cache = world.cache(self.preset)
         self.cache.set(**self.settings)
@@ -108,7 +119,9 @@ class HostIntegrator(mi.SamplingIntegrator):
         emitted = si.emitter(scene, active).eval(si, active)
         lit = direct(scene, si, bsdf, sampler.next_2d(active), hit)
         irradiance, _ = self.cache.query(rows(si.p), rows(facing(si, ray.d)))
-        indirect = bsdf.eval_diffuse_reflectance(si, hit) * vector(mi.Color3f, irradiance) * dr.inv_pi
+        indirect = (
+            bsdf.eval_diffuse_reflectance(si, hit) * vector(mi.Color3f, irradiance) * dr.inv_pi
+        )
         return emitted + dr.select(hit, lit + indirect, 0), hit, []
 
     def aov_names(self):
