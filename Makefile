@@ -1,4 +1,5 @@
-# What users and CI both run. `make demo` and `make test` need nothing but git, make and a Rust toolchain: see .ci/setup.
+# What users and CI both run. `make demo` and `make test` need nothing but git, make and a Rust
+# toolchain: see .ci/setup.
 
 SHELL := /bin/bash
 CARGO ?= cargo
@@ -10,7 +11,8 @@ DESTDIR ?=
 # A toolchain that rustup has just installed is not yet on the PATH of the shell that runs make.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 
-# The modules that reach the foreign libraries, or stand in for them in a build without system libraries.
+# The modules that reach the foreign libraries, or stand in for them in a build without system
+# libraries.
 FFI_TESTS := accel:: imagefile::
 IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 

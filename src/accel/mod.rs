@@ -1,13 +1,13 @@
 //! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or
 //! by a BVH in Rust.
 
-mod build;
-mod bvh;
+mod placement;
 #[cfg(feature = "embree")]
 mod embree;
-mod placement;
 mod traverse;
+mod build;
 mod triangle;
+mod bvh;
 
 pub use crate::ffi::ray::{Hit, Ray};
 

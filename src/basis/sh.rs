@@ -1,6 +1,6 @@
 //! Real spherical harmonics.
 
-use super::{Basis, Jet, LANES, Lane, MAX_ORDER, index, triangle};
+use super::functions::{Basis, Jet, LANES, Lane, MAX_ORDER, index, triangle};
 use crate::math::{DVec3, Vec3};
 use glam::DMat3;
 use std::f64::consts::PI;

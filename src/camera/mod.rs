@@ -5,6 +5,7 @@ mod motion;
 pub use motion::{Interpolation, Joint, Motion, Track, without_scale};
 
 use crate::math::{Affine3A, Vec2, Vec3};
+use glam::Mat4;
 
 /// The two projections of glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +68,26 @@ pub struct CameraView {
 }
 
 impl Camera {
+    /// World to camera space.
+    pub fn world_to_camera(&self) -> Mat4 {
+        Mat4::from(self.to_world.inverse())
+    }
+
+    /// World to normalised device coordinates of an image of `size` pixels: x and y in [-1, 1]
+    /// over the image, y up.
+    pub fn world_to_ndc(&self, size: [u32; 2]) -> Mat4 {
+        let aspect = size[0] as f32 / size[1] as f32;
+        let projection = match self.projection {
+            Projection::Perspective { yfov } => {
+                glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5)
+            }
+            Projection::Orthographic { xmag, ymag } => {
+                glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5)
+            }
+        };
+        projection * self.world_to_camera()
+    }
+
     /// The unit direction from `point` to the camera, wherever that looks.
     pub fn towards(&self, point: Vec3) -> Vec3 {
         let back = Vec3::from(self.to_world.matrix3.z_axis);
@@ -82,9 +103,11 @@ impl Camera {
     /// `None` for a point that is not in front of it. The point may lie outside the image.
     ///
     /// ```text
-    /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)        perspective, θ the angle with the view axis, d the distance
-    ///                 = w h / (4 xmag ymag)                   orthographic
+    /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)   perspective
+    ///                 = w h / (4 xmag ymag)              orthographic
     /// ```
+    ///
+    /// with the angle θ to the view axis and the distance d.
     pub fn view(&self, point: Vec3, size: [u32; 2]) -> Option<CameraView> {
         let (w, h) = (size[0] as f32, size[1] as f32);
         let axes = self.to_world.matrix3;

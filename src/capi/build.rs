@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::geometry::SurfacePoint;
 use crate::hosted::{Exchange, Host};
 use crate::progress::{Phase, Progress};
-use crate::render::{Caches, Gloss, Job, Spot};
+use crate::render::{Caches, FillJob as Job, Gloss, Spot};
 use crate::sampling::hash;
 use crate::scene::Scene;
 use crate::transport::{PathTracer, Service, View};

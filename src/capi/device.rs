@@ -10,7 +10,12 @@ use crate::accel::{Accel, Backend};
 use crate::error::Error;
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
+use crate::material::tables::TableStore;
 use std::ffi::{CStr, c_char, c_void};
+use std::path::PathBuf;
+
+/// The environment variable that names the folder of tables where the host names none.
+const TABLES: &str = "LUMICACHE_TABLES";
 
 /// A device.
 pub(super) struct DeviceObject {
@@ -19,6 +24,8 @@ pub(super) struct DeviceObject {
     pub backend: Backend,
     /// Name and version of the ray tracer.
     pub backend_version: String,
+    /// Where tabulated lobes are kept between runs.
+    pub tables: TableStore,
 }
 
 impl Kind for DeviceObject {
@@ -48,6 +55,7 @@ pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadP
 
 fn new_device(config: &str) -> Outcome<DeviceObject> {
     let (mut threads, mut wanted) = (0_usize, None);
+    let mut tables = std::env::var_os(TABLES);
     for item in config.split(',').map(str::trim).filter(|i| !i.is_empty()) {
         let (key, value) = item.split_once('=').unwrap_or((item, ""));
         match key.trim() {
@@ -58,13 +66,18 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
                 })?;
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
-            _ => ensure!(false, "config: there is no `{key}`; there are threads and backend"),
+            "tables" => tables = Some(value.trim().into()),
+            _ => {
+                ensure!(false, "config: there is no `{key}`; there are threads, backend and tables")
+            }
         }
     }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
     let (touched, pool) = (Touched::default(), pool(threads, "lumicache")?);
-    Ok(DeviceObject { touched, pool, backend, backend_version })
+    let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
+    let tables = TableStore::new(folder);
+    Ok(DeviceObject { touched, pool, backend, backend_version, tables })
 }
 
 /// The version of the ABI that the library has, as LUMI_ABI_VERSION of its header.
@@ -103,7 +116,9 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the
 /// library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
 /// `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
-/// starts). `out`: receives the device, NULL on failure.
+/// starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
+/// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`).
+/// `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]

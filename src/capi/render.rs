@@ -12,7 +12,7 @@ use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
 use crate::progress::Progress;
-use crate::render::{self, Caches, Clock, IntegratorKind, Settings};
+use crate::render::{Caches, IntegratorKind, Job};
 
 /// Most layers of one picture.
 const MOST_LAYERS: usize = 256;
@@ -71,38 +71,28 @@ impl CacheObject {
         let mut layers = wanted(layers, count, width as usize * height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
-        let settings = Settings {
-            integrator: if desc.flags & LUMI_RENDER_PATH != 0 {
-                IntegratorKind::Path
-            } else {
-                IntegratorKind::Cache
-            },
-            scheme: made_by.scheme,
-            camera: camera(desc)?,
-            size: [width, height],
-            window: [0, 0, width, height],
-            spp: if desc.samples == 0 { 16 } else { desc.samples },
-            noise: 0.0,
-            max_bounces: made_by.max_bounces,
-            seed: made_by.seed,
-            prepass_only: false,
+        let integrator = if desc.flags & LUMI_RENDER_PATH != 0 {
+            IntegratorKind::Path
+        } else {
+            IntegratorKind::Cache
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
         let before = match self.gloss.load_full() {
             Some(gloss) => Caches::of(before, Some(gloss)),
-            None => Caches::new(scene, &settings.scheme, settings.max_bounces, Some(before)),
+            None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
-        let frame = self.run(&progress, true, |_| {
-            render::frame_with(
-                scene,
-                &settings,
-                Some(before),
-                &progress,
-                &mut Clock::default(),
-                &mut |_, _| (),
-            )
-        })??;
+        let job = Job::new(scene)
+            .scheme(made_by.scheme)
+            .integrator(integrator)
+            .camera(camera(desc)?)
+            .size(desc.width, desc.height)
+            .spp(if desc.samples == 0 { 16 } else { desc.samples })
+            .max_bounces(made_by.max_bounces)
+            .seed(made_by.seed)
+            .caches(before)
+            .progress(&progress);
+        let frame = self.run(&progress, true, |_| job.run())??.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {

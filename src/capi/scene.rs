@@ -168,9 +168,10 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
             numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }),
         );
     }
-    let (hashes, hash) = (data.hashes(), data.hash());
     let (scene, warnings) = Scene::new(data, device.backend)?;
+    let (hashes, hash) = (scene.hashes().clone(), scene.hash());
     warnings.iter().for_each(|w| device.warn(w));
+    let scene = scene.with_tables(device.tables.clone());
     Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
 }
 

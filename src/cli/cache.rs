@@ -1,7 +1,7 @@
 //! `lumicache cache`.
 
 use super::args::{CacheCommand, CacheMerge, DumpFormat};
-use super::show::{print, print_line};
+use super::terminal::{print, print_line};
 use lumicache::cache::{CacheFile, Record};
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;

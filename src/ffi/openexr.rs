@@ -117,7 +117,8 @@ impl Window {
 }
 
 thread_local! {
-    /// The last message of the C core on this thread; its error handler has no user pointer of its own.
+    /// The last message of the C core on this thread; its error handler has no user pointer of its
+    /// own.
     static LAST_MESSAGE: Cell<Option<String>> = const { Cell::new(None) };
 }
 

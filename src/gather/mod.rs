@@ -28,6 +28,7 @@ pub use triangulation::TriangleRadiance;
 
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec3};
+use crate::sampling::{hash, stream};
 use serde::{Deserialize, Serialize};
 
 /// What a gather ray met.
@@ -235,7 +236,7 @@ impl HemisphereSamples {
             &mut self.bundle.dir_local,
             &mut self.bundle.pdf,
         );
-        self.bundle.seed = crate::sampling::hash(&[seed, 1]);
+        self.bundle.seed = hash(&[seed, stream::RAYS]);
         probe.incoming(at, level, deeper, &mut self.bundle);
     }
 

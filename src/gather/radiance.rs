@@ -122,8 +122,10 @@ impl HemisphereSamples {
     /// of the two hits, and what it sweeps is weighed by H there. Ring j from the pole, sector k,
     ///
     /// ```text
-    /// ∇λ = Σ_k { u_k (2π/N) Σ_{j≥1} sin θ_j- cos θ_j- H(θ_j-, φ_k) (L_jk - L_{j-1,k}) / min(r_jk, r_{j-1,k})
-    ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-) (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
+    /// ∇λ = Σ_k { u_k (2π/N) Σ_{j≥1} sin θ_j- cos θ_j- H(θ_j-, φ_k)
+    ///                               (L_jk - L_{j-1,k}) / min(r_jk, r_{j-1,k})
+    ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-)
+    ///                     (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
     /// ```
     ///
     /// No derivative of H, no normal at the hit. The zonal factor of H is the same for all sectors,

@@ -63,7 +63,8 @@ struct Lane {
 /// radiance L that the ray brought. At x', beside the gather in its tangent plane, it gives
 ///
 /// ```text
-/// F' = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)        E(x') = Σ L F' · Σ F/Σ F'
+/// F' = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)
+/// E(x') = Σ L F' · Σ F/Σ F'
 /// ```
 ///
 /// and F' = 0 behind its own plane. A/π keeps a source finite that the point comes close to; what

@@ -1,8 +1,8 @@
 //! Light as it leaves its sources: the start of light paths, drawn in proportion to power.
 
 use super::lights::Lights;
+use super::source::{LightSource, PunctualLight, weight};
 use super::tree::Pick;
-use super::{LightSource, PunctualLight, weight};
 use crate::geometry::Aabb;
 use crate::math::{Color, Frame, INV_PI, PI, Vec2, Vec3};
 use crate::sampling::{square_to_cosine_hemisphere, square_to_disk};

@@ -1,6 +1,6 @@
 //! Daylight: the standard skies of the CIE, and the sun.
 
-use super::{EnvironmentMap, PunctualLight};
+use super::source::{EnvironmentMap, PunctualLight};
 use crate::error::{Error, Result};
 use crate::math::{Affine3A, Color, PI, Vec3, luminance};
 

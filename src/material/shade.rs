@@ -1,8 +1,8 @@
 //! From a material and a point on a surface to what the integrators need: opacity, emission, BSDF.
 
 use super::bsdf::Bsdf;
+use super::description::{AlphaMode, Material};
 use super::layered::Layered;
-use super::{AlphaMode, Material};
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec2, Vec3, Vec4};
 use crate::texture::{Texture, TextureRef, lookup};

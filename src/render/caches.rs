@@ -8,7 +8,7 @@ use crate::cache::{
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
-use crate::material::tables::{GlossyTables, TableSettings, TableStore};
+use crate::material::tables::{GlossyTables, TableSettings};
 use crate::math::Vec3;
 use crate::progress::{Phase, Progress};
 use crate::sampling::hash;
@@ -45,7 +45,7 @@ impl Gloss {
             whole: scheme.radiance_diffuse,
             forced: scheme.radiance_bands == RadianceBands::All,
         };
-        let tables = GlossyTables::new(scene.materials(), wanted, &TableStore::from_environment());
+        let tables = GlossyTables::new(scene.materials(), wanted, scene.tables());
         if tables.is_empty() && !scheme.radiance_diffuse {
             return None;
         }

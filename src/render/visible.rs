@@ -1,8 +1,7 @@
 //! What the camera of a frame needs of the caches.
 
 use super::caches::{Caches, Job, Spot};
-use super::frame::{camera_sample, pixel_order};
-use super::settings::Settings;
+use super::settings::{Settings, camera_sample, pixel_order};
 use crate::cache::Order;
 use crate::camera::Camera;
 use crate::error::Result;

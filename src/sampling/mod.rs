@@ -2,11 +2,12 @@
 //! densities and inverses.
 
 mod sampler;
+pub mod stream;
 mod warp;
 
 pub use sampler::Sampler;
 pub use warp::{
-    cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square,
+    cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square, sample_linear,
     square_to_cosine_hemisphere, square_to_disk,
 };
 

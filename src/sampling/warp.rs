@@ -56,6 +56,13 @@ pub fn cosine_hemisphere_to_square(w: Vec3) -> Vec2 {
     disk_to_square(w.truncate())
 }
 
+/// Inverts the distribution function of the density on the unit interval that runs linearly from
+/// `a` to `b`.
+pub fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
+    let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
+    if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,7 @@ use crate::camera::{Camera, CameraRay};
 use crate::geometry::SurfacePoint;
 use crate::material::{Bsdf, Lobe};
 use crate::math::{INV_PI, Vec2, luminance};
-use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere};
+use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere, stream, unit_f32};
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -119,7 +119,7 @@ impl PathTracer<'_> {
             seen.push(Some((point, bsdf, appearance)));
             let v = Vertex { point, bsdf };
             let origin = v.origin();
-            let words = hash(&[seed, 1]) as u32;
+            let words = hash(&[seed, stream::APPEARANCE]) as u32;
             self.scene.lights().stratified(
                 origin.position,
                 origin.facing,
@@ -244,10 +244,7 @@ impl PathTracer<'_> {
             .filter_map(|k| {
                 let words = hash(&[seed, k as u64]);
                 let from = &points[(k as u64 * points.len() as u64 / count as u64) as usize];
-                let u = Vec2::new(
-                    crate::sampling::unit_f32(words as u32),
-                    crate::sampling::unit_f32((words >> 32) as u32),
-                );
+                let u = Vec2::new(unit_f32(words as u32), unit_f32((words >> 32) as u32));
                 let dir = from.frame.to_world(square_to_cosine_hemisphere(u));
                 if dir.dot(from.ng) <= 0.0 {
                     return None;

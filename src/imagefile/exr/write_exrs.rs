@@ -5,7 +5,8 @@
 //! version, attributes, offset table, chunks) from the crate's parts, and the chunks are compressed
 //! on rayon's threads.
 
-use super::{Attribute, Packed, Prepared};
+use super::prepared::{Packed, Prepared};
+use crate::imagefile::picture::Attribute;
 use ::exr::block::chunk::Chunk;
 use ::exr::block::lines::LineRefMut;
 use ::exr::block::{BlockIndex, UncompressedBlock};

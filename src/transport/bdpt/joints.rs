@@ -9,7 +9,7 @@ use crate::geometry::SurfacePoint;
 use crate::light::EmissionSampler;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
-use crate::sampling::{LONGEST_PATH, hash};
+use crate::sampling::{LONGEST_PATH, hash, stream};
 use crate::transport::path::PathTracer;
 
 /// A joining ray ends this share of its length before the other end.
@@ -90,7 +90,7 @@ impl<'a> LightPaths<'a> {
         let mut joining =
             Joining { paths: self, from, bundle, rays: Vec::new(), joints: Vec::new() };
         for number in 0..bundle.light_paths {
-            let walk = (hash(&[bundle.seed, 2]), number);
+            let walk = (hash(&[bundle.seed, stream::LIGHT_PATHS]), number);
             walk_from_light(&self.tracer, &self.emission, walk, most as usize, &mut joining);
         }
         let Joining { rays, joints, .. } = joining;

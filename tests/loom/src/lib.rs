@@ -1,6 +1,8 @@
-//! All interleavings of `src/capi/handles/table.rs` and `src/cache/published.rs`, as far as loom goes: up to three threads with a few steps each.
+//! All interleavings of `src/capi/handles/table.rs` and `src/cache/store/published.rs`, as far as
+//! loom goes: up to three threads with a few steps each.
 //!
-//! What arc-swap does inside is not seen here; it has models of its own. In its place stands a lock, so what is checked is what we build on it.
+//! What arc-swap does inside is not seen here; it has models of its own. In its place stands a
+//! lock, so what is checked is what we build on it.
 
 #![allow(dead_code, reason = "the library uses more of these files than the models")]
 
@@ -59,6 +61,6 @@ pub mod cache {
         }
     }
 
-    #[path = "../../../src/cache/published.rs"]
+    #[path = "../../../src/cache/store/published.rs"]
     pub mod published;
 }

@@ -1,0 +1,317 @@
+//! The command line as a user runs it: the built program, its files, its messages and its exit
+//! codes.
+
+use crate::support::desk::{Desk, ENDLESS, QUICK, mean, scene, text};
+use crate::support::gltf_maker::Gltf;
+use lumicache::compare::{Options, compare};
+use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
+use lumicache::imagefile::ldr;
+use serde_json::{Value, json};
+
+#[test]
+fn a_sky_lights_the_scene() {
+    let desk = Desk::new();
+    let mean = |image: &Layers| image.channel("R").unwrap().samples.iter().sum::<f32>();
+    let dim = desk.render(
+        "curved-spheres",
+        &["--sky", "overcast,elevation=30", "--light-units", "radiometric"],
+    );
+    let bright = desk.render(
+        "curved-spheres",
+        &["--sky", "overcast,elevation=30", "--env-scale", "2", "--light-units", "radiometric"],
+    );
+    assert!(
+        mean(&dim) > 0.0 && mean(&bright) > 1.5 * mean(&dim),
+        "{} {}",
+        mean(&dim),
+        mean(&bright)
+    );
+    let both_ways = desk.render(
+        "curved-spheres",
+        &["--sky", "overcast,elevation=30", "--light-units", "radiometric", "--integrator", "bdpt"],
+    );
+    assert!(
+        (mean(&both_ways) / mean(&dim) - 1.0).abs() < 0.2,
+        "{} {}",
+        mean(&both_ways),
+        mean(&dim)
+    );
+    desk.fail(
+        &["render", &scene("cornell-box"), "--sky", "stormy"],
+        &["--sky", "\"stormy\"", "overcast"],
+    );
+    let both = desk.run(&["render", &scene("cornell-box"), "--sky", "clear", "--env", "a.hdr"]);
+    assert_eq!(both.status.code(), Some(2));
+}
+
+#[test]
+fn help_and_version() {
+    let desk = Desk::new();
+    assert_eq!(desk.print(&["--version"]), format!("lumicache {}\n", env!("CARGO_PKG_VERSION")));
+    let help = desk.print(&["--help"]);
+    for command in ["render", "presets", "compare", "info", "bench", "report", "completions", "man"]
+    {
+        assert!(help.contains(&format!("\n  {command} ")), "--help does not list {command}");
+        assert!(desk.print(&[command, "--help"]).contains("Usage: lumicache"), "{command} --help");
+    }
+    let help = desk.print(&["render", "--help"]);
+    let flags = "output integrator preset quality set size spp max-bounces rays error backend threads seed camera crop env env-rotate env-scale light-units \
+                 prepass-only aov preview exposure stats show-records display-server quiet";
+    for flag in flags.split_whitespace() {
+        assert!(help.contains(&format!("--{flag}")), "render --help does not list --{flag}");
+    }
+    assert!(desk.files().is_empty());
+}
+
+#[test]
+fn wrong_usage_is_exit_code_2() {
+    let desk = Desk::new();
+    let room = scene("cornell-box");
+    for arguments in [
+        &[][..],
+        &["paint"],
+        &["render"],
+        &["render", &room, "--nonsense"],
+        &["render", &room, "--spp", "many"],
+        &["render", &room, "--integrator", "radiosity"],
+        &["render", &room, "--light-units", "lumen"],
+        &["render", &room, "--size"],
+        &["completions", "cmd"],
+        &["compare", "one.exr"],
+    ] {
+        let output = desk.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{arguments:?}");
+    }
+    assert!(desk.files().is_empty());
+}
+
+#[test]
+fn bad_values_are_one_clear_line() {
+    let desk = Desk::new();
+    let room = scene("cornell-box");
+    std::fs::create_dir(desk.path("folder")).unwrap();
+    std::fs::write(desk.path("broken.gltf"), "{\"asset\": {\"version\": \"2.0\"}, \"nodes\": 3}")
+        .unwrap();
+    std::fs::write(desk.path("broken.hdr"), "#?RADIANCE\n").unwrap();
+    std::fs::write(desk.path("broken.exr"), "no picture").unwrap();
+    // The file at fault, or the argument, is in every message.
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["--set", "nonsense=1"], &["`nonsense`", "rays"]),
+        (&["--set", "rays"], &["KEY=VALUE"]),
+        (&["--set", "rays=few"], &["`rays`"]),
+        (&["--rays", "1"], &["`rays`"]),
+        (&["--error", "0"], &["`error`"]),
+        (&["--preset", "nonsense"], &["`nonsense`", "tabellion04"]),
+        (&["--aov", "nonsense"], &["`nonsense`", "diffuse_direct"]),
+        (&["--aov", "albedo,,N"], &["layer"]),
+        (&["--backend", "gpu"], &["gpu", "embree", "bvh"]),
+        (&["--camera", "nobody"], &["`nobody`", "`camera`", "cornell-box.gltf"]),
+        (&["--size", "640"], &["--size", "640"]),
+        (&["--size", "0x4"], &["--size", "0x4"]),
+        (&["--size", "100000x100000"], &["100000x100000"]),
+        (&["--crop", "0,0,9"], &["--crop", "0,0,9"]),
+        (&["--crop", "20,0,10,9"], &["crop", "20,0,10,9"]),
+        (&["--crop", "0,0,9999,9"], &["crop", "9999"]),
+        (&["--spp", "0"], &["--spp"]),
+        (&["--quality", "0"], &["--quality"]),
+        (&["--quality", "NaN"], &["--quality"]),
+        (&["--threads", "0"], &["--threads"]),
+        (&["--env", "missing.hdr"], &["missing.hdr"]),
+        (&["--env", "broken.hdr"], &["broken.hdr"]),
+        (&["--env", "broken.exr"], &["broken.exr"]),
+        (&["-o", "missing/out.exr"], &["missing/out.exr"]),
+        (&["-o", "folder"], &["folder"]),
+        (&["--preview", "missing/out.png"], &["missing/out.png"]),
+        (&["--stats", "missing/out.json"], &["missing/out.json"]),
+        (&["-o", "out.exr", "--preview", "./out.exr"], &["out.exr", "one file"]),
+        (&["-o", &room], &["cornell-box.gltf", "one file"]),
+    ];
+    for (more, words) in cases {
+        // What is wrong is told before the render starts: these would never end.
+        let endless: Vec<&str> =
+            ENDLESS.chunks(2).filter(|option| option[0] != more[0]).flatten().copied().collect();
+        desk.fail(&[&["render", &room], &endless[..], more].concat(), words);
+    }
+    for (file, words) in [
+        ("missing.gltf", &["missing.gltf"][..]),
+        ("broken.gltf", &["broken.gltf", "/nodes"]),
+        ("folder", &["folder"]),
+    ] {
+        desk.fail(&[&["render", file], ENDLESS].concat(), words);
+        desk.fail(&["info", file], words);
+    }
+    desk.fail(&["compare", "broken.exr", "missing.exr"], &["broken.exr"]);
+    assert_eq!(desk.files(), ["broken.exr", "broken.gltf", "broken.hdr", "folder"]);
+}
+
+#[test]
+fn the_output_is_the_scene_s_name_in_the_current_folder() {
+    let desk = Desk::new();
+    assert_eq!(desk.print(&[&["render", &scene("cornell-box")], QUICK].concat()), "");
+    assert_eq!(desk.files(), ["cornell-box.exr"]);
+    // A second render replaces the first, and a name with dots keeps them.
+    let desk = Desk::new();
+    let mut file = Gltf::new();
+    crate::support::gltf_maker::triangle(&mut file);
+    file.node(json!({"mesh": 0}));
+    file.scene(&[0]);
+    std::fs::write(desk.path("box.v2.glb"), file.glb()).unwrap();
+    for _ in 0..2 {
+        assert_eq!(
+            desk.run(&[&["render", "box.v2.glb", "--quiet"], QUICK].concat()).status.code(),
+            Some(0)
+        );
+        assert_eq!(desk.files(), ["box.v2.exr", "box.v2.glb"]);
+    }
+}
+
+#[test]
+fn warnings_go_to_stderr_unless_it_is_quiet() {
+    let desk = Desk::new();
+    let mut file = Gltf::new();
+    crate::support::gltf_maker::triangle(&mut file);
+    file.node(json!({"mesh": 0}));
+    file.scene(&[0]);
+    std::fs::write(desk.path("dark.glb"), file.glb()).unwrap();
+    let output = desk.run(&[&["render", "dark.glb"], QUICK].concat());
+    assert_eq!((output.status.code(), text(&output.stdout)), (Some(0), String::new()));
+    let error = text(&output.stderr);
+    assert!(
+        error.starts_with("lumicache: warning: ")
+            && error.contains("no light")
+            && error.lines().count() == 1,
+        "{error:?}"
+    );
+    assert_eq!(desk.print(&[&["render", "dark.glb", "--quiet"], QUICK].concat()), "");
+}
+
+#[test]
+fn prepass_only_fills_and_writes_no_picture() {
+    let desk = Desk::new();
+    assert_eq!(
+        desk.print(
+            &[&["render", &scene("cornell-box"), "--prepass-only", "--stats", "stats.json"], QUICK]
+                .concat()
+        ),
+        ""
+    );
+    assert_eq!(desk.files(), ["stats.json"]);
+    let stats = desk.json("stats.json");
+    assert!(stats["records"].as_u64().unwrap() > 0 && stats["samples"] == json!(0));
+}
+
+#[test]
+fn the_environment_is_scaled_and_turned() {
+    let desk = Desk::new();
+    // A map with one bright column, above a triangle that faces up.
+    let mut samples = vec![0.1; 8 * 4];
+    (0..4).for_each(|row| samples[8 * row + 5] = 1.0);
+    let channels = ["R", "G", "B"]
+        .map(|c| Channel { name: c.into(), kind: SampleKind::Float, samples: samples.clone() })
+        .to_vec();
+    exr::write(
+        &desk.path("sky.exr"),
+        &Layers { width: 8, height: 4, channels, ..Layers::default() },
+    )
+    .unwrap();
+    let shot = |more: &[&str]| {
+        desk.render(
+            "curved-spheres",
+            &[&["--integrator", "path", "--spp", "8", "--env", "sky.exr"], more].concat(),
+        )
+    };
+    let plain = shot(&[]);
+    let double = shot(&["--env-scale", "2"]);
+    // The scene's own lamps stay as they are: twice the map adds once more what the map gives.
+    let dark = shot(&["--env-scale", "0"]);
+    let gain = (mean(&double, "G") - mean(&dark, "G")) / (mean(&plain, "G") - mean(&dark, "G"));
+    assert!((gain - 2.0).abs() < 0.1, "{gain}");
+    assert_ne!(shot(&["--env-rotate", "-90"]).channel("G"), plain.channel("G"));
+    assert_eq!(shot(&["--env-rotate", "360"]).width, plain.width);
+}
+
+#[test]
+fn presets_as_a_table_and_as_json() {
+    let desk = Desk::new();
+    let table = desk.print(&["presets"]);
+    let list: Value = serde_json::from_str(&desk.print(&["presets", "--json"])).unwrap();
+    let list = list.as_array().unwrap();
+    assert!(list.len() >= 5);
+    for preset in list {
+        let name = preset["name"].as_str().unwrap();
+        assert!(
+            table.contains(name) && table.contains(preset["source"].as_str().unwrap()),
+            "{name}"
+        );
+        for (key, value) in preset["scheme"].as_object().unwrap() {
+            assert!(table.contains(key.as_str()), "{key} is not in the table");
+            // What is printed can be set.
+            let setting = format!(
+                "{key}={}",
+                value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+            );
+            let run = desk.run(&["render", "missing.gltf", "--preset", name, "--set", &setting]);
+            assert!(
+                text(&run.stderr).contains("missing.gltf"),
+                "{name} --set {setting}: {}",
+                text(&run.stderr)
+            );
+        }
+    }
+}
+
+#[test]
+fn compare_prints_what_the_library_measures() {
+    let desk = Desk::new();
+    let a = desk.render("cornell-box", &["--integrator", "path"]);
+    std::fs::rename(desk.path("out.exr"), desk.path("a.exr")).unwrap();
+    let b = desk.render("cornell-box", &["--integrator", "path", "--seed", "1"]);
+    let printed: Value = serde_json::from_str(
+        &desk.print(&["compare", "a.exr", "out.exr", "--json", "--flip", "flip.png"]),
+    )
+    .unwrap();
+    let measured = serde_json::to_value(compare(&a, &b, &Options::default()).unwrap()).unwrap();
+    assert_eq!(printed.as_object().unwrap().len(), measured.as_object().unwrap().len());
+    for key in ["relmse", "mape", "mean_ratio", "psnr", "flip"] {
+        let (printed, measured) = (printed[key].as_f64().unwrap(), measured[key].as_f64().unwrap());
+        assert!((printed - measured).abs() <= 1e-12 * measured, "{key}: {printed} for {measured}");
+        assert!(
+            desk.print(&["compare", "a.exr", "out.exr"]).contains(&key.replace('_', " ")),
+            "{key}"
+        );
+    }
+    assert_eq!(ldr::decode(&std::fs::read(desk.path("flip.png")).unwrap()).unwrap().width, 32);
+    let layer = desk.print(&["compare", "a.exr", "a.exr", "--channel-prefix", "albedo", "--json"]);
+    assert_eq!(serde_json::from_str::<Value>(&layer).unwrap()["relmse"], json!(0.0));
+    desk.fail(
+        &["compare", "a.exr", "out.exr", "--channel-prefix", "nonsense"],
+        &["a.exr", "nonsense"],
+    );
+}
+
+#[test]
+fn info_completions_and_manual() {
+    let desk = Desk::new();
+    let info = desk.print(&["info", &scene("cornell-box")]);
+    for words in ["triangles   38", "materials   6", "bounds", "camera 0    `camera`", "hash"] {
+        assert!(info.contains(words), "{words} is not in {info}");
+    }
+    for (shell, words) in
+        [("bash", "complete -F"), ("zsh", "#compdef lumicache"), ("fish", "complete -c lumicache")]
+    {
+        let script = desk.print(&["completions", shell]);
+        assert!(script.contains(words) && script.contains("max-bounces"), "{shell}");
+    }
+    let page = desk.print(&["man"]);
+    assert!(page.contains(".TH lumicache 1"), "{page}");
+    for words in [
+        ".SH LUMICACHE RENDER",
+        "max\\-bounces",
+        "show\\-records",
+        "channel\\-prefix",
+        ".SH LUMICACHE BENCH ACCEL",
+    ] {
+        assert!(page.contains(words), "the manual does not speak of {words}");
+    }
+}
