@@ -16,7 +16,7 @@ use super::types::{
 use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
 use crate::gather::RadianceProbe;
 use crate::progress::Progress;
-use crate::render::Gloss;
+use crate::render::{Gloss, Job};
 use crate::transport::{PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
@@ -36,6 +36,8 @@ const DEEPER_FOOTPRINT: f32 = 0.004;
 #[derive(Clone)]
 pub(super) struct Settings {
     pub scheme: Scheme,
+    /// What `scheme` was scaled by.
+    pub quality: f32,
     pub max_bounces: u32,
     pub seed: u64,
     pub deeper_points: u32,
@@ -234,13 +236,14 @@ impl Settings {
             })
         };
         match name {
-            "preset" => self.scheme = Preset::by_name(value)?.scheme(),
+            "preset" => (self.scheme, self.quality) = (Preset::by_name(value)?.scheme(), 1.0),
             "quality" => {
-                let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
+                let quality = value.parse().ok().filter(|q| Job::QUALITY.contains(q));
                 let quality: f32 = quality.ok_or_else(|| {
                     Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100"))
                 })?;
-                self.scheme.scale_quality(quality);
+                self.scheme.scale_quality(quality / self.quality);
+                self.quality = quality;
             }
             "max_bounces" => {
                 self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX)
@@ -279,8 +282,8 @@ pub unsafe extern "C" fn lumi_cache_new(
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::by_name(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
-        let settings =
-            Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
+        let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };
         let object = CacheObject {
             touched: Touched { log: scene.device.touched.log.clone(), broken: Arc::default() },
             scene,
