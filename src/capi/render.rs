@@ -91,8 +91,8 @@ impl CacheObject {
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
-        let before = match self.gloss.load_full() {
-            Some(gloss) => Caches::of(before, Some(gloss)),
+        let before = match self.lobes.load_full() {
+            Some(lobes) => Caches::with(before, Some(lobes)),
             None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
         let job = Job::new(scene)
@@ -117,15 +117,15 @@ impl CacheObject {
         if frame.cancelled {
             return Err(Error::Cancelled.into());
         }
-        if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
-            self.put(cache, frame.gloss);
+        if let Some(caches) = frame.caches.filter(|_| !snapshot.is_frozen()) {
+            self.put(caches.cache, caches.lobes);
         }
         Ok(())
     }
 }
 
 /// Renders a picture of a scene of our own as the command line does: indirect light of diffuse
-/// surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled
+/// surfaces, and of glossy ones whose lobes the preset caches, from the cache, which is filled
 /// where the camera needs it; everything else by paths. The records are kept, unless the cache is
 /// frozen. Cancelled, the layers hold the samples so far.
 ///

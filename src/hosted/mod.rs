@@ -10,6 +10,7 @@ mod batch;
 mod host;
 mod exchange;
 mod probe;
+mod world;
 
 pub use batch::{Answers, Batch, Rays};
 pub use exchange::{Exchange, run};
