@@ -10,12 +10,11 @@ use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error,
     state,
 };
-use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme};
+use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
 use crate::hosted::{Exchange, Host, HostProbe};
 use crate::progress::Progress;
-use crate::render::Gloss;
-use crate::transport::{PathTracer, SceneProbe};
+use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;
@@ -62,8 +61,9 @@ pub(super) struct CacheObject {
     pub scene: Arc<SceneObject>,
     settings: Mutex<Settings>,
     pub live: Live,
-    /// What serves glossy lobes, once a build or a picture has made records for it.
-    pub gloss: ArcSwapOption<Gloss>,
+    /// The glossy lobes that radiance records answer for, once a build or a picture has made such
+    /// records.
+    pub lobes: ArcSwapOption<GlossyLobes>,
     /// Held by who changes the cache as a whole.
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
@@ -113,10 +113,10 @@ impl CacheObject {
         Ok(FOOTPRINT * self.size()?)
     }
 
-    /// Puts another cache in the place of this one's records, and what serves glossy lobes with it.
-    pub fn put(&self, cache: Cache, gloss: Option<Arc<Gloss>>) {
+    /// Puts another cache in the place of this one's records, with the lobes that it answers for.
+    pub fn put(&self, cache: Cache, lobes: Option<Arc<GlossyLobes>>) {
         self.live.replace(cache);
-        self.gloss.store(gloss);
+        self.lobes.store(lobes);
     }
 
     fn origin(&self) -> Outcome<Origin> {
@@ -187,29 +187,30 @@ impl CacheObject {
             (self.settings().scheme, self.origin()?, Path::new("the other cache"));
         let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
         file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
-        self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);
+        let mut cache = file.into_cache(scheme, &origin, reuse, name)?;
+        cache.share_radiance(self.live.snapshot().cache());
+        self.live.replace(cache);
         Ok(())
     }
 
     fn stats(&self) -> Outcome<lumi_stats> {
         let snapshot = self.live.snapshot();
-        let reach = Reach::new(snapshot.cache().scheme(), 0, self.size()?, 1.0);
+        let rule = snapshot.cache().radius_rule(0);
         let radii = snapshot
             .records()
             .filter(|(level, _)| *level == 0)
-            .map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
+            .map(|(_, r)| f64::from(rule.radius(r.length, r.footprint).0));
         let (sum, max, count) =
             radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
         let host = self.scene.committed()?.host().map_or([0; 2], Host::counts);
-        let gloss = self.gloss.load();
         let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
         Ok(lumi_stats {
             struct_size: 0,
             frozen: u32::from(snapshot.is_frozen()),
             records: snapshot.record_count() as u64,
-            radiance_records: gloss.as_ref().map_or(0, |g| g.record_count() as u64),
-            bytes: (snapshot.bytes() + gloss.as_ref().map_or(0, |g| g.bytes())) as u64,
+            radiance_records: snapshot.cache().radiance_record_count() as u64,
+            bytes: snapshot.bytes() as u64,
             rays: load(&self.counters.rays),
             queries,
             hits,
@@ -232,7 +233,7 @@ impl Settings {
             parsed.ok_or_else(|| wrong(format!("a whole number from {low} to {high}")))
         };
         match name {
-            "preset" => self.scheme = Preset::by_name(value)?.scheme(),
+            "preset" => self.scheme = Preset::from_name_or_text(value)?.scheme(),
             "quality" => {
                 let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
                 self.scheme.scale_quality(quality.ok_or_else(|| wrong("0.01 to 100".into()))?);
@@ -243,8 +244,8 @@ impl Settings {
             "seed" => self.seed = number(0, i64::MAX)? as u64,
             "deeper_points" => self.deeper_points = number(0, 1 << 24)? as u32,
             _ => {
-                let fields = serde_json::to_value(&self.scheme).unwrap_or_default();
-                if fields.get(name).is_none() {
+                let groups = ["refinement", "glossy"];
+                if !groups.contains(&name) && settings().iter().all(|s| s.name != name) {
                     let text = format!("there is no setting `{name}`");
                     return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, text));
                 }
@@ -257,7 +258,8 @@ impl Settings {
 
 /// Makes an empty cache for a committed scene; the caller owns a reference to it.
 ///
-/// `preset`: name of a caching scheme as `lumicache presets` lists them; NULL: "auto".
+/// `preset`: name of a caching scheme as `lumicache presets` lists them, or a TOML text as
+/// `lumicache presets NAME` shows it; NULL: "auto".
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -270,7 +272,7 @@ pub unsafe extern "C" fn lumi_cache_new(
         clear(out)?;
         let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
-        let scheme = Preset::by_name(preset)?.scheme();
+        let scheme = Preset::from_name_or_text(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
         let settings =
             Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
@@ -279,7 +281,7 @@ pub unsafe extern "C" fn lumi_cache_new(
             scene,
             settings: Mutex::new(settings),
             live,
-            gloss: ArcSwapOption::empty(),
+            lobes: ArcSwapOption::empty(),
             changing: Mutex::new(()),
             watcher: Mutex::new((None, 0)),
             waiting: OnceLock::new(),
@@ -321,8 +323,8 @@ pub unsafe extern "C" fn lumi_cache_set_f32(
     })
 }
 
-/// Sets a whole number: "gather.rays", "levels" and other fields of the scheme, "max_bounces" (-1:
-/// no bound), "seed", "deeper_points" (points of each deeper level). See lumi_cache_set_f32.
+/// Sets a whole number: "gather.rays", "levels" and other settings of the scheme, "max_bounces"
+/// (-1: no bound), "seed", "deeper_points" (points of each deeper level). See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
@@ -336,8 +338,8 @@ pub unsafe extern "C" fn lumi_cache_set_i32(
     })
 }
 
-/// Sets a word: "preset", which resets the whole scheme, or any setting written as `lumicache
-/// presets` shows it. See lumi_cache_set_f32.
+/// Sets a word: "preset", which resets the whole scheme to a preset or to a TOML text, or any
+/// setting written as `lumicache presets NAME --all` shows it. See lumi_cache_set_f32.
 ///
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
@@ -476,19 +478,17 @@ pub unsafe extern "C" fn lumi_cache_get_records(
     guard("lumi_cache_get_records", || {
         let cache = borrow::<CacheObject>(cache)?;
         ensure!(!n.is_null(), "n is NULL");
-        let (snapshot, size) = (cache.live.snapshot(), cache.size()?);
+        let snapshot = cache.live.snapshot();
         let mut count = 0;
         if out.is_null() {
             count = snapshot.record_count();
         } else {
             for (level, r) in snapshot.records().skip(first).take(max) {
-                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0)
-                    .radius(r.length, r.footprint)
-                    .0;
+                let radius = snapshot.cache().radius_rule(level).radius(r.length, r.footprint).0;
                 let record = lumi_record {
                     position: r.position.to_array(),
                     normal: r.normal.to_array(),
-                    irradiance: r.irradiance.to_array(),
+                    irradiance: r.payload.irradiance.to_array(),
                     radius,
                     sigma: r.sigma,
                     level: level.into(),

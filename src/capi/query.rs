@@ -7,13 +7,13 @@ use super::abi::{
 use super::cache::CacheObject;
 use super::handles::borrow;
 use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, ensure, guard, lumi_error};
-use crate::cache::{Answer, LevelPoints, Snapshot};
+use crate::cache::{Answer, Snapshot, scattered};
 use crate::geometry::SurfacePoint;
 use crate::hosted::surface_point;
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::hash;
-use crate::transport::{Known, PathTracer};
+use crate::transport::PathTracer;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -117,6 +117,7 @@ impl Answers {
 fn look_up(snapshot: &Snapshot, at: &SurfacePoint) -> Option<Answer> {
     if snapshot.cache().level_count() == 0 {
         return Some(Answer {
+            glossy: Color::ZERO,
             irradiance: Color::ZERO,
             direct: None,
             error: 0.0,
@@ -181,7 +182,7 @@ impl CacheObject {
     fn fill(&self, points: Vec<SurfacePoint>) -> Outcome {
         let started = Instant::now();
         let (seed, progress) = (self.settings().seed, Progress::default());
-        let points = LevelPoints::scattered(points, seed).points;
+        let points = scattered(&points, seed);
         let stats = self.run(&progress, false, |exchange| {
             self.with_probe(exchange, &progress, |probe| {
                 self.live.fill(probe, points, seed, &progress)
@@ -193,7 +194,7 @@ impl CacheObject {
     }
 
     /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records
-    /// where those serve them, else by paths.
+    /// where lobes are cached, else by paths.
     fn glossy(&self, q: &lumi_query, points: &Points, radiance: &mut Output<f32, 3>) -> Outcome {
         let scene = self.scene.own().map_err(|f| {
             Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message))
@@ -202,14 +203,13 @@ impl CacheObject {
         let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
-        let (snapshot, gloss, n) = (self.live.snapshot(), self.gloss.load_full(), q.n);
-        let gloss = gloss.as_ref().map(|g| g.shading(&settings.scheme));
-        let known = Known { irradiance: snapshot.cache(), gloss };
+        let (snapshot, lobes, n) = (self.live.snapshot(), self.lobes.load_full(), q.n);
+        let lobes = lobes.as_ref().map(|l| l.choice(&settings.scheme));
         let found: Vec<Color> = self.scene.device.pool.install(|| {
             let one = |i: usize| {
                 let at = points.get(i)?;
                 let seed = hash(&[settings.seed, 3, i as u64]);
-                tracer.glossy_indirect(&at, samples, seed, known)
+                tracer.glossy_indirect(&at, samples, seed, snapshot.cache(), lobes)
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });

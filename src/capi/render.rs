@@ -78,8 +78,8 @@ impl CacheObject {
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
-        let before = match self.gloss.load_full() {
-            Some(gloss) => Caches::of(before, Some(gloss)),
+        let before = match self.lobes.load_full() {
+            Some(lobes) => Caches::with(before, Some(lobes)),
             None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
         let job = Job::new(scene)
@@ -104,8 +104,8 @@ impl CacheObject {
         if frame.cancelled {
             return Err(Error::Cancelled.into());
         }
-        if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
-            self.put(cache, frame.gloss);
+        if let Some(caches) = frame.caches.filter(|_| !snapshot.is_frozen()) {
+            self.put(caches.cache, caches.lobes);
         }
         Ok(())
     }

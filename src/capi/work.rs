@@ -32,7 +32,7 @@ impl CacheObject {
         if let Some(pool) = self.waiting.get() {
             return Ok(pool);
         }
-        let rays = self.settings().scheme.rays as usize;
+        let rays = self.settings().scheme.gather.rays as usize;
         let threads = host.gathering_threads(rays, self.scene.device.pool.current_num_threads());
         let made = device::pool(threads, "lumicache-gather")?;
         Ok(self.waiting.get_or_init(|| made))

@@ -2,7 +2,7 @@
 
 use super::{HemisphereSamples, Layout, TriangleRadiance};
 use crate::math::{Color, Frame, Mat3, Vec2};
-use serde::{Deserialize, Serialize};
+use crate::words::words;
 use std::f32::consts::TAU;
 
 /// A gradient in the tangent plane: the change of irradiance per unit along each tangent of the
@@ -31,20 +31,20 @@ impl Gradient {
     }
 }
 
-/// The published estimators of the translational gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TranslationalGradient {
-    /// None: records are extrapolated by their value.
-    None,
-    /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Polar layout only.
-    WardHeckbert,
-    /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density,
-    /// but blind to occlusion changes.
-    PerSample,
-    /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Concentric
-    /// layout only, any density.
-    Triangulated,
+words! {
+    /// The published estimators of the translational gradient.
+    pub enum TranslationalGradient {
+        /// None: records are extrapolated by their value.
+        None = "none",
+        /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
+        WardHeckbert = "ward-heckbert",
+        /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any strata, but
+        /// blind to occlusion changes.
+        PerSample = "per-sample",
+        /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Strata
+        /// `concentric` only.
+        Triangulated = "triangulated",
+    }
 }
 
 /// cos ξ at a hit is not taken below this in the per-sample gradient: 1/cos ξ has no finite

@@ -13,6 +13,7 @@ mod gradient;
 mod hessian;
 mod hits;
 mod layout;
+mod lobe;
 mod radiance;
 mod sources;
 mod triangulation;
@@ -22,6 +23,7 @@ pub use gradient::{Gradient, TranslationalGradient};
 pub use hessian::{Derivatives, Hessian};
 pub use hits::StoredHit;
 pub use layout::{Density, Layout};
+pub use lobe::LobeCoefficients;
 pub use radiance::{Coefficients, RadianceGradient};
 pub use sources::{Arrival, DirectLight, LightChoice, PointSources, irradiance_of};
 pub use triangulation::TriangleRadiance;
@@ -168,6 +170,22 @@ pub trait Deeper: Sync {
     /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path;
     /// `None` where no record is valid.
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
+
+    /// True if [`Deeper::radiance`] may know something.
+    fn has_radiance(&self) -> bool {
+        false
+    }
+
+    /// Irradiance of indirect light at such a point, and the radiance that leaves towards `at.wo`
+    /// by the glossy lobe `lobe`; `None` where no record is valid.
+    fn radiance(
+        &self,
+        _level: u8,
+        _at: &SurfacePoint,
+        _lobe: &mut LobeCoefficients,
+    ) -> Option<(Color, Color)> {
+        None
+    }
 }
 
 /// No deeper cache.

@@ -3,26 +3,26 @@
 use super::{Density, HemisphereSamples, Layout, TriangleRadiance};
 use crate::basis::{Basis, Jet, LANES, Lane, Sh, index, triangle, zonal_factors};
 use crate::math::{Color, Vec2, Vec3, luminance};
-use serde::{Deserialize, Serialize};
+use crate::words::words;
 use std::f32::consts::TAU;
 
-/// The estimators of the translational gradient of radiance coefficients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RadianceGradient {
-    /// None: records are extrapolated by their value.
-    None,
-    /// Central differences over a small displacement, each sample a patch that keeps its radiance
-    /// [Krivanek05, Sec. 4.3].
-    Displacement,
-    /// The same patches, differentiated [Krivanek05, Eq. 7-11].
-    PerSample,
-    /// Moving boundaries between strata, each with its own weight; sees silhouettes. Polar layout
-    /// only.
-    Boundary,
-    /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and has
-    /// second derivatives. Concentric layout and spherical harmonics only.
-    Triangulated,
+words! {
+    /// The estimators of the translational gradient of radiance coefficients.
+    pub enum RadianceGradient {
+        /// None: records are extrapolated by their value.
+        None = "none",
+        /// Central differences over a small displacement, each sample a patch that keeps its
+        /// radiance [Krivanek05, Sec. 4.3].
+        Displacement = "displacement",
+        /// The same patches, differentiated [Krivanek05, Eq. 7-11].
+        PerSample = "per-sample",
+        /// Moving boundaries between strata, each with its own weight; sees silhouettes. Strata
+        /// `polar` only.
+        Boundary = "boundary",
+        /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and
+        /// has second derivatives. Strata `concentric` and spherical harmonics only.
+        Triangulated = "triangulated",
+    }
 }
 
 /// Coefficients of a colour-valued function: those of red, then green, then blue.

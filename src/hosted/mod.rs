@@ -7,9 +7,10 @@
 //! The answers to a gather do not depend on the other gathers in its batch.
 
 mod batch;
-mod exchange;
 mod host;
+mod exchange;
 mod probe;
+mod world;
 
 pub use batch::Batch;
 pub use exchange::{Exchange, run};

@@ -92,7 +92,7 @@ impl HostProbe<'_> {
     /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`
     /// rays, spread evenly over the points. None where the host answers light of all bounces:
     /// deeper levels have no use then.
-    pub fn next_points(
+    pub(super) fn meet(
         &self,
         points: &[SurfacePoint],
         count: usize,

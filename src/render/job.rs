@@ -7,7 +7,7 @@ use super::output::{Facts, write_exr, write_preview};
 use super::selection::Selection;
 use super::settings::{IntegratorKind, Settings};
 use super::visible::fill_for_camera;
-use crate::cache::{Cache, CacheFile, Origin, Preset, Scheme};
+use crate::cache::{Cache, CacheFile, Origin, Preset, Schedule, Scheme};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
 use crate::ffi::mxcsr;
@@ -367,7 +367,7 @@ impl<'a> Job<'a> {
             }
             Err(error) => return Err(error),
             Ok(births) => {
-                let limits = births.filter(|_| settings.scheme.passes == 1);
+                let limits = births.filter(|_| settings.scheme.schedule == Schedule::OnePass);
                 self.clock.start(Phase::Render);
                 let (caches, limits) = (caches.as_ref(), limits.as_deref());
                 Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)
@@ -442,7 +442,7 @@ impl<'a> Picture<'a> {
     /// # Errors
     /// Those of writing the file.
     pub fn write_cache(&self, path: impl AsRef<Path>) -> Result<()> {
-        let Some(cache) = &self.frame.cache else { return Ok(()) };
+        let Some(Caches { cache, .. }) = &self.frame.caches else { return Ok(()) };
         CacheFile::new(cache, origin(self.scene, &self.settings)).write(path.as_ref())
     }
 

@@ -17,7 +17,7 @@ mod job;
 mod animation;
 
 pub use animation::{FrameCost, Frames, Sequence, frame_path};
-pub use caches::{Caches, Gloss, Job as FillJob, Spot};
+pub use caches::Caches;
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher};
 pub use job::{Job, Picture, camera_number, workers};

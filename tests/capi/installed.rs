@@ -5,7 +5,7 @@
 //! are skipped.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, LevelPoints, Preset, Scheme};
+use lumicache::cache::{Cache, LevelPoints, Preset};
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Vec3};
@@ -169,7 +169,8 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
     );
 
     let scene = box_of_host_c();
-    let scheme = Scheme { rays: 256, ..Preset::by_name("auto").unwrap().scheme() };
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.gather.rays = 256;
     let n = Vec3::Y;
     let point = |i: usize| {
         let position =

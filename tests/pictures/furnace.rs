@@ -65,10 +65,10 @@ fn the_path_tracer_sees_the_whole_series() {
 #[test]
 fn every_preset_sees_the_whole_series() {
     let scene = furnace(diffuse());
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         for max_bounces in [0, 2, u32::MAX] {
-            let mut settings = Settings { max_bounces, ..cached(&scene, preset.name, SIZE, 16) };
-            settings.scheme.rays = settings.scheme.rays.min(256);
+            let mut settings = Settings { max_bounces, ..cached(&scene, &preset.name, SIZE, 16) };
+            settings.scheme.gather.rays = settings.scheme.gather.rays.min(256);
             let frame = render(&scene, &settings);
             let what = format!("{}, {max_bounces} bounces", preset.name);
             // Direct light comes from light samples alone here, 16 to a pixel: 3 % at best.
@@ -111,8 +111,10 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         // walls. Metrics that estimate an error have lengths that are distances only after
         // they are scaled by it.
         let scheme = cache.scheme();
-        let distances =
-            matches!(scheme.metric, Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted);
+        let distances = matches!(
+            scheme.radius.metric,
+            Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted
+        );
         let scale = if distances { 1.0 } else { scheme.radius_scale(k) };
         let gradients = |matrix: &dyn Fn(&Record) -> (Mat3, f32)| -> Vec<Vec2> {
             let relative = |r: &Record| {
@@ -197,7 +199,7 @@ fn a_uniform_sky_gives_pi_times_its_radiance() {
 fn a_record_that_sees_nothing_reaches_as_far_as_it_may() {
     let scene = open_sky();
     let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], SIZE, 0), round: 0 };
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let scheme = preset.scheme();
         let (cache, _) = fill(&scene, scheme.clone(), &points);
         let level = cache.level(0).unwrap();
@@ -209,9 +211,9 @@ fn a_record_that_sees_nothing_reaches_as_far_as_it_may() {
                 "{}",
                 preset.name
             );
-            let mut longest = scheme.max_radius * scene.size();
-            if scheme.max_pixels > 0.0 {
-                longest = longest.min(scheme.max_pixels * r.footprint);
+            let mut longest = scheme.radius.max_radius * scene.size();
+            if scheme.radius.max_pixels > 0.0 {
+                longest = longest.min(scheme.radius.max_pixels * r.footprint);
             }
             assert_eq!(reach.radius(r.length, r.footprint).0, longest, "{}", preset.name);
         }

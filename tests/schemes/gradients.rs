@@ -10,7 +10,7 @@
 //! central differences.
 
 use lumicache::accel::{Backend, Ray};
-use lumicache::cache::{Cache, LevelPoints, Preset, Scheme, Weight};
+use lumicache::cache::{Cache, Clamping, LevelPoints, Preset, Weight};
 use lumicache::gather::{
     Density, Gradient, HemisphereSamples, Layout, NoDeeper, TranslationalGradient,
 };
@@ -70,17 +70,11 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache; 3] {
     let points =
         LevelPoints { points: rows.flat_map(|y| row(tracer, size.side, y)).collect(), round: 0 };
-    METHODS.map(|translational_gradient| {
-        let scheme = Scheme {
-            rays: size.rays,
-            error: 0.15,
-            translational_gradient,
-            gradient_clamp: false,
-            weight: Weight::Inverse,
-            min_pixels: 0.0,
-            levels: 1,
-            ..Preset::by_name("ward-heckbert92").unwrap().scheme()
-        };
+    METHODS.map(|gradient| {
+        let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
+        (scheme.gather.rays, scheme.gather.gradient) = (size.rays, gradient);
+        (scheme.validity.error, scheme.validity.weight) = (0.15, Weight::Inverse);
+        (scheme.radius.min_pixels, scheme.clamping, scheme.levels) = (0.0, Clamping::None, 1);
         let mut cache = Cache::new(scheme, FIRST_BOUNCE, tracer.scene.size());
         cache.fill(&SceneProbe::new(tracer), 0, &points, 5, &Progress::default()).unwrap();
         cache

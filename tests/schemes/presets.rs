@@ -33,7 +33,7 @@ pub fn quick(scheme: Scheme) -> Scheme {
 /// Every preset, and a scheme of our own with what no preset has: sectors and extrapolation to
 /// second order.
 fn all() -> Vec<(&'static str, Scheme)> {
-    let presets = PRESETS.iter().map(|p| (p.name, p.scheme()));
+    let presets = PRESETS.iter().map(|p| (p.name.as_str(), p.scheme()));
     presets.chain([("sectors", sectors())]).collect()
 }
 
@@ -44,11 +44,11 @@ pub fn first(cache: &Cache) -> &Level {
 #[test]
 fn a_larger_error_needs_fewer_records() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let count = |factor: f32| {
             let scheme = quick(preset.scheme());
             let (cache, stats) =
-                fill(&scene, Scheme { error: factor * scheme.error, ..scheme }, &points);
+                fill(&scene, with(scheme, |s| s.validity.error *= factor), &points);
             let records = first(&cache).records().len();
             let layout = cache.scheme().layout(0);
             let (once, again) =
@@ -72,11 +72,12 @@ fn a_larger_error_needs_fewer_records() {
 #[test]
 fn records_are_numbers_and_reach_within_the_limits() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
         let (scheme, reach) =
             (cache.scheme(), Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0));
-        let scale = if scheme.kernel == Kernel::Tabellion { scheme.error } else { 1.0 };
+        let scale =
+            if scheme.validity.kernel == Kernel::Tabellion { scheme.validity.error } else { 1.0 };
         for r in first(&cache).records() {
             assert!(
                 r.position.is_finite()
@@ -97,9 +98,9 @@ fn records_are_numbers_and_reach_within_the_limits() {
                     && (r.normal.length() - 1.0).abs() < 1e-4,
                 "{r:?}"
             );
-            let longest = scheme.max_radius * scene.size();
-            let pixels = if scheme.max_pixels > 0.0 {
-                scheme.max_pixels * r.footprint
+            let longest = scheme.radius.max_radius * scene.size();
+            let pixels = if scheme.radius.max_pixels > 0.0 {
+                scheme.radius.max_pixels * r.footprint
             } else {
                 f32::INFINITY
             };
@@ -110,7 +111,7 @@ fn records_are_numbers_and_reach_within_the_limits() {
                 preset.name
             );
             assert!(
-                radius >= 0.9999 * scale * (scheme.min_pixels * r.footprint).min(longest),
+                radius >= 0.9999 * scale * (scheme.radius.min_pixels * r.footprint).min(longest),
                 "{}: {radius} {r:?}",
                 preset.name
             );
@@ -123,13 +124,16 @@ fn records_are_numbers_and_reach_within_the_limits() {
 fn every_point_that_was_filled_is_covered() {
     for round in [0, SIZE[0] as usize] {
         let (scene, points) = staircase(round);
-        for preset in PRESETS {
+        for preset in PRESETS.iter() {
             for neighbour_clamp in [false, true] {
                 // Without smoothing: the reach under which the level was filled is the one it is
                 // used with.
-                let scheme = Scheme { neighbour_clamp, smoothing: 1.0, ..quick(preset.scheme()) };
+                let scheme = with(quick(preset.scheme()), |s| {
+                    clamp_to_neighbours(s, neighbour_clamp);
+                    s.validity.smoothing = 1.0;
+                });
                 // Clamping and gathering again change records after their round.
-                let settled = !neighbour_clamp && scheme.noise == 0.0;
+                let settled = !neighbour_clamp && scheme.gather.noise == 0.0;
                 let (cache, stats) = fill(&scene, scheme, &points);
                 let uncovered =
                     points.points.iter().filter(|p| cache.lookup(0, p, u32::MAX).is_none()).count();
@@ -166,14 +170,11 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
     {
         let counts = [0.2, 0.6].map(|normal_limit| {
             let scheme = quick(Preset::by_name(preset).unwrap().scheme());
-            let careless = Scheme {
-                error,
-                normal_limit,
-                smoothing: 1.0,
-                neighbour_clamp: false,
-                max_pixels: 0.0,
-                ..scheme
-            };
+            let careless = with(scheme, |s| {
+                clamp_to_neighbours(s, false);
+                s.radius.max_pixels = 0.0;
+                s.validity = Validity { error, normal_limit, smoothing: 1.0, ..s.validity };
+            });
             let (cache, _) = fill(&scene, careless, &points);
             let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0);
             let (mut used, mut widest) = (0, 0.0_f32);
@@ -182,7 +183,7 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
                 .iter()
                 .flat_map(|p| first(&cache).records().iter().map(move |r| (p, r)))
             {
-                if r.error_at(&reach, p, None).is_some_and(|e| e < 1.0) {
+                if r.error_at(&reach, p, f32::INFINITY).is_some_and(|e| e < 1.0) {
                     (used, widest) =
                         (used + 1, widest.max(p.frame.n.dot(r.normal).min(1.0).acos()));
                 }
@@ -210,9 +211,10 @@ fn missed(records: &[Record]) -> usize {
 #[test]
 fn clamped_records_have_missed_no_feature() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let fill = |neighbour_clamp| {
-            fill(&scene, Scheme { neighbour_clamp, ..quick(preset.scheme()) }, &points).0
+            let clamp = |s: &mut Scheme| clamp_to_neighbours(s, neighbour_clamp);
+            fill(&scene, with(quick(preset.scheme()), clamp), &points).0
         };
         // On this staircase records do miss the steps beside them when nothing is done about it.
         let free = fill(false);
@@ -240,23 +242,23 @@ fn clamped_records_have_missed_no_feature() {
 /// records.
 fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color, f32, u32)> {
     let scheme = cache.scheme();
-    let reach = Reach::new(scheme, 0, cache.scene_size(), scheme.smoothing);
+    let reach = Reach::new(scheme, 0, cache.scene_size(), scheme.validity.smoothing);
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
     for r in first(cache).records().iter().take(limit) {
         let (area, slope) = reach.area(r);
-        let share = r.error / scheme.error;
+        let share = r.error / scheme.validity.error;
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
         let (d, position) = (offset.length(), area.share(r.normal, offset) / share);
         let error = reach.relative_error(position, cosine, reach.normal_scale() / share);
         let in_front =
             0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
-        if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
+        if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || in_front {
             continue;
         }
         if !r.fences.admit(at.position) {
             continue;
         }
-        let weight = match scheme.weight {
+        let weight = match scheme.validity.weight {
             Weight::Inverse => 1.0 / (share * error.max(1e-6)),
             Weight::InverseMinusOne => (1.0 / error.max(1e-6) - 1.0) / share,
             Weight::Hat => 1.0 - error,
@@ -285,7 +287,8 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
         scheme.check().unwrap();
         let (cache, _) = fill(&scene, quick(scheme), &points);
         let records = first(&cache).records();
-        let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), cache.scheme().smoothing);
+        let reach =
+            Reach::new(cache.scheme(), 0, cache.scene_size(), cache.scheme().validity.smoothing);
         let mut found = 0;
         for k in 0..2000 {
             // Around a record out to a little beyond its reach, with its normal tilted by up to 40
@@ -363,7 +366,7 @@ fn bounces_are_counted_as_by_the_path_tracer() {
         let path = beauty(&render(&scene, &path));
         for preset in ["ward88", "tabellion04", "auto"] {
             let mut settings = Settings { max_bounces, ..cached(&scene, preset, size, 32) };
-            settings.scheme.rays = settings.scheme.rays.min(256);
+            settings.scheme.gather.rays = settings.scheme.gather.rays.min(256);
             let cache = beauty(&render(&scene, &settings));
             assert_alike(
                 &format!("{preset}, {max_bounces} bounces"),
@@ -398,7 +401,9 @@ impl RadianceProbe for Hollow {
 
 #[test]
 fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
-    let scheme = Scheme { rays: 64, levels: 1, neighbour_clamp: true, ..scheme("ward-heckbert92") };
+    let scheme = with(one_level(with_rays(scheme("ward-heckbert92"), 64)), |s| {
+        clamp_to_neighbours(s, true);
+    });
     let mut cache = Cache::new(scheme, u32::MAX, 20.0);
     let at = |x: f32| SurfacePoint {
         footprint: 0.01,

@@ -7,10 +7,9 @@
 
 use crate::support::bsdfs::point;
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
+use lumicache::cache::{Cache, Extrapolation, FillStats, LevelPoints, Preset};
 use lumicache::gather::{
     Bundle, Deeper, Density, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe,
-    TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Vec2, luminance};
@@ -31,8 +30,12 @@ struct Filled {
 
 fn filled(tracer: PathTracer, points: &LevelPoints, rotational_gradient: bool) -> Filled {
     let preset = Preset::by_name("scotty3d").unwrap().scheme();
-    assert_eq!(preset.translational_gradient, TranslationalGradient::None);
-    let scheme = Scheme { rays: 256, levels: 1, rotational_gradient, ..preset };
+    assert_eq!(preset.extrapolation, Extrapolation::Rotation);
+    let scheme = with(preset, |s| {
+        (s.gather.rays, s.levels) = (256, 1);
+        s.extrapolation =
+            if rotational_gradient { Extrapolation::Rotation } else { Extrapolation::None };
+    });
     let mut cache = Cache::new(scheme, tracer.max_bounces, tracer.scene.size());
     let stats = cache.fill(&SceneProbe::new(tracer), 0, points, 3, &Progress::default()).unwrap();
     Filled { cache, stats }

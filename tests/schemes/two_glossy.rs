@@ -6,7 +6,7 @@ use crate::schemes::glossy::layer;
 use crate::support::pictures::{build, cached, difference, own, render, settings};
 use lumicache::accel::Ray;
 use lumicache::basis::{Basis, BasisKind, Sh};
-use lumicache::cache::{Cache, HitStorage, LevelPoints, Preset, RadiancePoints, Scheme};
+use lumicache::cache::{Cache, Hits, LevelPoints, Preset, RadiancePoints, Scheme};
 use lumicache::gather::{
     Bundle, Deeper, Density, HemisphereSamples, HitChange, Layout, NoDeeper, RadianceProbe,
     TriangleRadiance,
@@ -181,17 +181,14 @@ impl RadianceProbe for Dawn {
 fn records_at_the_hits_tell_how_the_light_they_know_changes() {
     let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.8), exponent: 8.0 };
     let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
-    let scheme = Scheme {
-        radiance_levels: 2,
-        noise: 0.0,
-        ..Preset::by_name("zhao-incoming").unwrap().scheme()
-    };
+    let mut scheme = Preset::by_name("zhao-incoming").unwrap().scheme();
+    scheme.set_all([("glossy.levels", "2"), ("gather.noise", "0")]).unwrap();
     let mut gloss = Gloss::new(&scene, &scheme, u32::MAX).unwrap();
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
     let at = floor(&scene, PLACE[0], PLACE[1]);
     let hits = tracer.next_cached(&[at], 16_384, 1, Some(&gloss.service(&scheme)));
     let (points, orders) =
-        hits.into_iter().map(|(point, _)| (point, scheme.radiance_order)).unzip();
+        hits.into_iter().map(|(point, _)| (point, scheme.glossy().order)).unzip();
     let points = RadiancePoints { points: LevelPoints { points, round: 0 }, orders };
     let cache = Cache::new(scheme.clone(), u32::MAX, scene.size());
     gloss.levels[1].fill(&Dawn, &points, &cache, None, 1, &Progress::default()).unwrap();
@@ -280,19 +277,25 @@ fn the_edge_between_two_glossy_surfaces_is_clean() {
     let reference = edge(&scene, settings(&scene, IntegratorKind::Path, size, 4096));
     let relmse = |change: &dyn Fn(&mut Scheme)| {
         let mut settings = cached(&scene, "zhao-incoming", size, 4);
-        (settings.scheme.error, settings.scheme.noise, settings.scheme.min_pixels) =
-            (1e-4, 0.0, 1.0);
+        (
+            settings.scheme.validity.error,
+            settings.scheme.gather.noise,
+            settings.scheme.radius.min_pixels,
+        ) = (1e-4, 0.0, 1.0);
         change(&mut settings.scheme);
         difference(&edge(&scene, settings), &reference).relmse
     };
-    let [without, with] = [HitChange::None, HitChange::Frozen]
-        .map(|how| relmse(&|s| (s.hit_change, s.rays) = (how, 4096)));
+    let hits = |hits: Hits, rays: u32| {
+        relmse(&|s| {
+            s.gather.rays = rays;
+            s.glossy.as_mut().unwrap().hits = hits;
+        })
+    };
+    let [without, with] = [Hits::None, Hits::Frozen].map(|how| hits(how, 4096));
     println!("relmse {without:.2e} without the change of hits, {with:.2e} with it");
     assert!(with < 0.25 * without, "{with} {without}");
     // Without harmonics and derivatives the same: it is the hits' light that must change.
-    let [frozen, traced] = [HitStorage::Frozen, HitStorage::Traced].map(|hits| {
-        relmse(&|s| (s.hit_change, s.radiance_hits, s.rays) = (HitChange::None, hits, 1024))
-    });
+    let [frozen, traced] = [Hits::Stored, Hits::Retraced].map(|how| hits(how, 1024));
     println!(
         "relmse {frozen:.2e} from hits that stay as they are, {traced:.2e} from hits traced anew"
     );

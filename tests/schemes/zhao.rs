@@ -19,10 +19,10 @@ type Change<'a> = &'a dyn Fn(&mut Scheme);
 fn boxed(scene: &Scene, preset: &str, change: impl Fn(&mut Scheme)) -> Frame {
     let mut settings = cached(scene, preset, [48, 48], 1);
     settings.max_bounces = 2;
-    settings.scheme.rays = 256;
-    settings.scheme.noise = 0.0;
-    settings.scheme.min_pixels = 0.5;
-    settings.scheme.error = 1e-4;
+    settings.scheme.gather.rays = 256;
+    settings.scheme.gather.noise = 0.0;
+    settings.scheme.radius.min_pixels = 0.5;
+    settings.scheme.validity.error = 1e-4;
     change(&mut settings.scheme);
     settings.scheme.check().unwrap();
     render(scene, &settings)
@@ -122,7 +122,7 @@ fn records_are_as_large_as_they_should_be() {
     };
     let (first, single) = each(&|_| ());
     let (second, _) = each(&|s| s.extrapolation = Extrapolation::Second);
-    let (half, halved) = each(&|s| s.radiance_storage = Storage::F16);
+    let (half, halved) = each(&|s| s.set("glossy.storage", "f16").unwrap());
     println!("{first:.0}, {second:.0}, {half:.0} bytes");
     assert!(first < 3600.0 + 350.0 && second < 7200.0 + 350.0 && half < 1800.0 + 350.0);
     // Half precision shows nowhere.
@@ -139,17 +139,19 @@ fn every_choice_makes_a_picture_of_the_same_brightness() {
         assert!(pixels.iter().all(|c| c.is_finite()));
         pixels.iter().map(|c| f64::from(c.element_sum())).sum::<f64>()
     };
-    let expected = brightness(&|s| s.error = 1e-5);
+    let expected = brightness(&|s| s.validity.error = 1e-5);
     let choices: [(&str, Change); 9] = [
         ("as it is", &|_| ()),
-        ("no extrapolation", &|s| s.extrapolation = Extrapolation::Zero),
+        ("no extrapolation", &|s| s.extrapolation = Extrapolation::Rotation),
         ("second order", &|s| s.extrapolation = Extrapolation::Second),
-        ("first-order areas", &|s| (s.radiance_metric, s.error) = (RadianceMetric::First, 1e-4)),
-        ("sectors", &|s| s.footprint = FootprintKind::Sectors),
-        ("discs", &|s| s.footprint = FootprintKind::Disc),
-        ("in the world's frame", &|s| s.set("radiance_frame", "world").unwrap()),
-        ("without the change of hits", &|s| s.hit_change = HitChange::None),
-        ("from hits", &|s| s.radiance_hits = HitStorage::Frozen),
+        ("first-order areas", &|s| {
+            s.set_all([("glossy.metric", "first-incoming"), ("validity.error", "1e-4")]).unwrap();
+        }),
+        ("sectors", &|s| s.radius.area = Outline::Sectors),
+        ("discs", &|s| s.radius.area = Outline::Disc),
+        ("in the world's frame", &|s| s.set("glossy.basis", "sh-world").unwrap()),
+        ("without the change of hits", &|s| s.set("glossy.hits", "none").unwrap()),
+        ("from hits", &|s| s.set("glossy.hits", "stored").unwrap()),
     ];
     for (what, change) in choices {
         let got = brightness(change);

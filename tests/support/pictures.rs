@@ -24,6 +24,32 @@ pub fn backends() -> &'static [Backend] {
     if cfg!(feature = "embree") { &Backend::ALL } else { &[Backend::Bvh] }
 }
 
+/// `scheme` after `change`.
+pub fn with(mut scheme: Scheme, change: impl FnOnce(&mut Scheme)) -> Scheme {
+    change(&mut scheme);
+    scheme
+}
+
+/// `scheme` for the first level alone.
+pub fn one_level(scheme: Scheme) -> Scheme {
+    with(scheme, |s| s.levels = 1)
+}
+
+/// `scheme` with no more than `most` rays per record.
+pub fn with_rays(scheme: Scheme, most: u32) -> Scheme {
+    with(scheme, |s| s.gather.rays = s.gather.rays.min(most))
+}
+
+/// Lets the neighbours of records bound them, or not.
+pub fn clamp_to_neighbours(scheme: &mut Scheme, clamped: bool) {
+    scheme.clamping = match (scheme.clamping.gradient(), clamped) {
+        (true, true) => Clamping::Both,
+        (true, false) => Clamping::Gradient,
+        (false, true) => Clamping::Neighbours,
+        (false, false) => Clamping::None,
+    };
+}
+
 /// The scheme of a preset.
 pub fn scheme(preset: &str) -> Scheme {
     Preset::by_name(preset).unwrap().scheme()
@@ -93,7 +119,7 @@ pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<Su
 /// A cache of which only the first level is filled, at `points` in rounds of `round` (0: growing
 /// ones).
 pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, FillStats) {
-    let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene.size());
+    let mut cache = Cache::new(one_level(scheme), u32::MAX, scene.size());
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX });
     let stats = cache.fill(&probe, 0, points, 0, &Progress::default()).unwrap();
     (cache, stats)
