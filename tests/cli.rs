@@ -7,6 +7,7 @@ use lumicache::compare::{Options, compare};
 use lumicache::imagefile::exr::{self, Attribute, Channel, Crop, Layers, SampleKind};
 use lumicache::imagefile::ldr;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Output, Stdio};
@@ -449,7 +450,9 @@ fn presets_are_listed_and_what_is_printed_reads_back() {
         let flags: Vec<String> = settings
             .iter()
             .rev()
-            .map(|(k, v)| format!("{k}={}", v.as_str().map_or_else(|| v.to_string(), str::to_owned)))
+            .map(|(k, v)| {
+                format!("{k}={}", v.as_str().map_or_else(|| v.to_string(), str::to_owned))
+            })
             .collect();
         let mut arguments = vec!["render", "missing.gltf", "--preset", name];
         flags.iter().for_each(|flag| arguments.extend(["--set", flag]));
@@ -487,7 +490,10 @@ fn a_scheme_of_ones_own_is_a_file() {
     fail("base = \"auto\"\ngather.rays = [1]\n", &["line 2", "`gather.rays`", "one value"]);
     fail("base = \"auto\"\n[gather\n", &["line 2"]);
     fail("base = \"nobody\"\n", &["`nobody`", "krivanek06"]);
-    fail("base = \"auto\"\nextrapolation.error = 0.1\n", &["line 2", "extrapolation.kind", "first"]);
+    fail(
+        "base = \"auto\"\nextrapolation.error = 0.1\n",
+        &["line 2", "extrapolation.kind", "first"],
+    );
     fail("levels = 1\n", &["`gather.strata`", "base"]);
     desk.fail(&[&render[..], &["--preset", "other.toml"]].concat(), &["other.toml"]);
 }

@@ -36,6 +36,7 @@ mod pictures; // rendering inside the tests
 mod radiance; // radiance coefficients, their gradients, tables of lobes
 mod report; // schemes on equal terms
 mod scenes; // our own scenes
+mod scheme_texts; // presets, files of users, settings by name
 mod schemes; // every preset
 mod scotty3d; // what a second pass and the rotational gradient are worth
 mod sky; // daylight

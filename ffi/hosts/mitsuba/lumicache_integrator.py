@@ -41,7 +41,8 @@ def direct(scene, si, bsdf, sample, active):
 class HostIntegrator(mi.SamplingIntegrator):
     def __init__(self, props, path):
         super().__init__(props)
-        self.settings = {name: props.get(name) for name in ("quality", "rays", "error", "max_bounces") if props.has_property(name)}
+        names = {"quality": "quality", "rays": "gather.rays", "error": "validity.error", "max_bounces": "max_bounces"}
+        self.settings = {setting: props.get(name) for name, setting in names.items() if props.has_property(name)}
         self.preset = props.get("preset", "auto")
         self.flags = lumicache.HOST_CONCURRENT if props.get("concurrent", False) else 0
         self.library = lumicache.Library(path, log=lambda severity, text: mi.Log(mi.LogLevel.Warn if severity else mi.LogLevel.Info, text))

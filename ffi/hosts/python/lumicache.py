@@ -280,6 +280,7 @@ class Cache:
             raise
 
     def set(self, **settings):
+        """`set(quality=2.0, **{"gather.rays": 64})`."""
         for name, value in settings.items():
             if isinstance(value, bool) or isinstance(value, str):
                 self.call("lumi_cache_set_str", self.handle, name.encode(), str(value).lower().encode() if isinstance(value, bool) else value.encode())
