@@ -8,8 +8,8 @@ def staircase_room():
         "staircase-room",
         "A dim room with ten steps",
         (800, 600),
-        notes="The lamp stands behind a half wall and shines up: the steps, the table and the floor get bounced light only. For "
-        "neighbour clamping and adaptive records.",
+        notes="The lamp stands behind a half wall and shines up. The steps, the table and the "
+        "floor get bounced light only. For neighbour clamping and refinement.",
     )
     walls = s.material("walls", (0.74, 0.72, 0.68), specular=0.0, double=True)
     s.add("shell", room((0.0, 0.0, -5.0), (6.0, 2.8, 0.0), skip="-y"), walls)
@@ -42,8 +42,9 @@ def slit_light():
         "slit-light",
         "Light through a slit",
         (640, 480),
-        notes="A bright panel on the ceiling is seen from the floor through a slit in a plate that glows faintly: a band of bounced light "
-        "with sharp edges, at which adaptive records are small, in even direct light, where they are large.",
+        notes="The floor sees a bright panel on the ceiling through a slit in a plate that glows "
+        "faintly. The panel makes a band of bounced light with sharp edges in even direct light. "
+        "Refined records are small at the edges and large elsewhere.",
     )
     black = s.material("black", (0.02, 0.02, 0.02), specular=0.0, double=True)
     s.add("shell", room((-2.0, 0.0, -3.0), (2.0, 2.4, 0.0), skip="-y"), black)

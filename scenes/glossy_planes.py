@@ -10,7 +10,8 @@ def two_glossy_planes():
         "Two glossy planes",
         (480, 360),
         flags="--exposure -4",
-        notes="A Phong floor that reflects a Phong wall outside the picture: radiance from the wall changes with the point it is seen from.",
+        notes="A Phong floor mirrors a Phong wall outside the picture. The radiance from the wall "
+        "changes with the point that sees the wall.",
     )
     floor = s.material("floor", (0.1, 0.1, 0.1), native=phong(0.1, 0.6, 5.0), double=True)
     wall = s.material("wall", (0.1, 0.1, 0.1), native=phong(0.1, 0.6, 24.0), double=True)

@@ -27,7 +27,8 @@ def glossy_walk():
         "A walk past a glossy wall",
         (512, 512),
         flags="--frames 0..29",
-        notes="A box with a Phong wall at the back (exponent 22) and a rough metallic floor; the camera moves for 30 frames of 1/24 s.",
+        notes="A box with a Phong wall at the back (exponent 22) and a rough metallic floor. The "
+        "camera moves for 30 frames of 1/24 s.",
     )
     shell(s, 1.4, 2.7, 2.8, s.material("floor", (9 / 13, 9 / 13, 9 / 13), rough=0.55, metal=1.0, double=True))
     wall = s.material("glossy", (0.5, 0.5, 0.5), double=True, native=phong(0.2, 0.6, 22))
@@ -44,8 +45,9 @@ def pyramid_metal():
         "pyramid-metal",
         "A box and a pyramid on metal",
         (640, 640),
-        notes="A floor of three metallic lobes (Lafortune, exponents 16, 88 and 186) mirrors the edges of a pyramid and of a box: "
-        "adaptive radiance records are dense along them and sparse elsewhere.",
+        notes="A floor of three metallic lobes (Lafortune, exponents 16, 88 and 186) mirrors the "
+        "edges of a pyramid and of a box. Refined radiance records are dense along the edges and "
+        "sparse elsewhere.",
     )
     # Lobes of albedo 0.18, 0.25 and 0.3: c^n 2 pi / (n + 2).
     lobe = lambda n, tint, albedo: {
@@ -74,7 +76,8 @@ def phong_pot():
         "phong-pot",
         "A pot with a glossy skin",
         (640, 480),
-        notes="A pot with a spout and a lid (Phong, exponent 16) on a table in a room: the spout is mirrored in the curved body.",
+        notes="A pot with a spout and a lid (Phong, exponent 16) stands on a table in a room. The "
+        "curved body mirrors the spout.",
     )
     s.add("room", room((-2.0, 0.0, -2.0), (2.0, 2.6, 2.6), skip="-y"), s.material("walls", WHITE, specular=0.0, double=True))
     table = s.material("table", (0.45, 0.25, 0.12), specular=0.0, double=True)
@@ -111,7 +114,8 @@ def metal_hall():
         "A building with curved metal walls",
         (800, 500),
         flags="--sky clear,azimuth=215,elevation=40,illuminance=10000,sun-illuminance=60000 --exposure -14",
-        notes="Curved walls of brushed metal (Phong, exponent 12) over a plaza, for sun and sky: they mirror the ground and each other.",
+        notes="Curved walls of brushed metal (Phong, exponent 12) over a plaza mirror the ground "
+        "and each other. For sun and sky.",
     )
     s.add("plaza", Shape().face((-40, 0, 40), (40, 0, 40), (40, 0, -40), (-40, 0, -40)),
           s.material("stone", (0.42, 0.38, 0.33), specular=0.0, double=True))
@@ -144,7 +148,8 @@ def ward_floor():
         "ward-floor",
         "A box on a glossy floor",
         (640, 480),
-        notes="A floor with a Ward lobe alone (albedo 0.9, alpha 0.3): the sharper the lobe, the more records adaptive caching makes.",
+        notes="A floor with a Ward lobe alone (albedo 0.9, alpha 0.3). Refinement makes more "
+        "records for sharper lobes.",
     )
     ward = {"brdf": "ward", "kd": 0, "ks": 0.9, "alpha_x": 0.3}
     shell(s, 1.8, 2.4, 3.0, s.material("floor", (0.9, 0.9, 0.9), double=True, native=ward))

@@ -1,12 +1,14 @@
 """A small glTF 2.0 writer: shapes, materials and nodes in, NAME.gltf, NAME.bin and NAME.toml out.
 
-Standard library only. Coordinates are rounded to a micrometre before they are stored, so that the files do not depend on the last
-bit of the platform's sine. Metres, +Y up; a face's front is where its corners run counter-clockwise, and it points out of solid matter.
+Standard library only. Coordinates are rounded to a micrometre before they are stored, so that the
+files do not depend on the last bit of the platform's sine. Lengths are metres, +Y is up. The front of
+a face is where its corners run counter-clockwise. Fronts point out of solid matter.
 """
 
 import json
 import math
 import struct
+import textwrap
 import zlib
 from pathlib import Path
 
@@ -14,6 +16,15 @@ from pathlib import Path
 def f32(x):
     """The nearest single-precision number to x rounded to 1e-6; negative zero becomes zero."""
     return struct.unpack("<f", struct.pack("<f", round(x, 6) + 0.0))[0] + 0.0
+
+
+def folded(key, text):
+    """A line `key = "text"` of TOML; a long text goes on over lines of at most 100 columns."""
+    line = f"{key} = {json.dumps(text)}"
+    if len(line) <= 100:
+        return line
+    lines = textwrap.wrap(json.dumps(text)[1:-1], 98, break_on_hyphens=False)
+    return f'{key} = """\\\n' + " \\\n".join(lines) + '"""'
 
 
 def sub(a, b):
@@ -409,8 +420,8 @@ class Scene:
         lines += [
             f'camera = "{self.doc["cameras"][0]["name"]}"',
             f"flags = {json.dumps(self.flags)}",
-            f"notes = {json.dumps(self.notes)}",
+            folded("notes", self.notes),
         ]
         if self.expect:
-            lines.append(f"expect = {json.dumps(self.expect)}")
+            lines.append(folded("expect", self.expect))
         (folder / f"{self.name}.toml").write_bytes(("\n".join(lines) + "\n").encode())

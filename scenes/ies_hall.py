@@ -32,7 +32,8 @@ def ies_hall():
         "Hall of luminaires",
         (1280, 640),
         flags="--sky overcast,elevation=20 --exposure -8",
-        notes="20 downlights and 14 wall washers by IES files, 24 luminous panels, skylights and windows to an overcast sky; in cd/m2.",
+        notes="20 downlights and 14 wall washers by IES files, 24 luminous panels, skylights and "
+        "windows to an overcast sky. In cd/m2.",
     )
     white = s.material("plaster", (0.78, 0.76, 0.72), specular=0.0, double=True)
     floor = s.material("floor", (0.42, 0.40, 0.37), rough=0.45, double=True)

@@ -165,7 +165,8 @@ def many_light_hall():
         "many-light-hall",
         "Many-light hall",
         (1280, 640),
-        notes="432 small emitters in the ceiling of a colonnaded hall; instances share their meshes.",
+        notes="432 small emitters in the ceiling of a colonnaded hall. Instances share their "
+        "meshes.",
     )
     stone = s.material("stone", (0.62, 0.57, 0.50), specular=0.0)
     wall = s.material("plaster", (0.70, 0.67, 0.62), specular=0.0, double=True)
@@ -239,7 +240,7 @@ def curved_spheres():
         "curved-spheres",
         "Diffuse spheres under one lamp",
         (640, 480),
-        notes="Curved diffuse surfaces under one area lamp: rotational gradients.",
+        notes="Curved diffuse surfaces under one area lamp. For rotational gradients.",
     )
     s.add(
         "shell",
@@ -270,7 +271,8 @@ def staircase():
         "staircase",
         "Ten steps",
         (600, 800),
-        notes="A dim stairwell lit from the landing above: small features beside large flat ones.",
+        notes="A dim stairwell, lit from the landing above. Small features stand beside large "
+        "flat ones.",
     )
     steps, tread, rise, width = 10, 0.28, 0.175, 1.4
     shell = Shape()
@@ -323,8 +325,8 @@ def two_rooms_gap():
         "two-rooms-gap",
         "Two rooms and a thin wall",
         (800, 400),
-        notes="One floor, one ceiling, one back wall; the wall between the rooms is two sheets 1e-3 m apart. "
-        "The left room is lit, the right one is sealed off.",
+        notes="Two rooms share a floor, a ceiling and a back wall. The wall between them is two "
+        "sheets 1e-3 m apart. The left room is lit, the right room is sealed off.",
         expect="Radiance is exactly zero in the right room: at every pixel whose first hit has x > 0.001. "
         "Any light there has leaked through the wall.",
     )
@@ -353,7 +355,8 @@ def mirror_room():
         "mirror-room",
         "Mirror room",
         (800, 600),
-        notes="A large flat mirror, a mirror ball and two facing mirrors: footprints and records seen through reflections.",
+        notes="A large flat mirror, a mirror ball and two facing mirrors. For footprints and "
+        "records seen in mirrors.",
     )
     s.add(
         "shell",

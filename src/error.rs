@@ -45,6 +45,9 @@ pub enum Error {
     /// The ray tracing device failed.
     #[error("{0}")]
     Device(String),
+    /// The ray tracing device has no memory left.
+    #[error("{0}")]
+    OutOfMemory(String),
     /// Reading or writing a file failed.
     #[error("{}: {source}", file.display())]
     Io {

@@ -2,7 +2,7 @@
 //!
 //! Three uses of one code base: a renderer (glTF in, multi-layer OpenEXR out), a C library that
 //! other renderers load, and a bench. The modules are listed in the order in which they may import
-//! one another: a module uses only those above it (`tests/architecture.rs` holds the rule,
+//! one another: a module uses only those above it (`tests/tools/architecture.rs` holds the rule,
 //! `docs/ARCHITECTURE.md` the reasons).
 
 #![deny(unsafe_code)]
@@ -17,12 +17,12 @@ pub mod progress;
 pub mod fsutil;
 pub mod words;
 pub mod math;
+pub mod sampling;
+pub mod basis;
+pub mod geometry;
 #[allow(unsafe_code, reason = "the one place, with capi, where foreign functions are called")]
 pub mod ffi;
 pub mod imagefile;
-pub mod basis;
-pub mod sampling;
-pub mod geometry;
 pub mod accel;
 pub mod texture;
 pub mod material;
@@ -33,6 +33,7 @@ pub mod gather;
 pub mod cache;
 pub mod transport;
 pub mod film;
+pub mod hosted;
 pub mod import;
 pub mod render;
 pub mod compare;

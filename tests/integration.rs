@@ -1,45 +1,95 @@
-//! All integration tests: one binary, so that there is one link.
+//! All integration tests: one binary, so that there is one link. The folders say what is tested.
 
-mod accel; // both back ends agree
-mod adaptive; // adaptive caching
-mod animations; // cameras that move
-mod architecture; // module order, citations, file sizes
-mod axes; // records with eight axes, direct light in records
-mod basis; // spherical and hemispherical harmonics
-mod bdpt; // bidirectional path tracing
-mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
-mod cache_files; // caches saved, loaded, joined
-mod capi; // the C library as C calls it
-mod chi2; // sample() agrees with pdf()
-mod cli; // the command line as a user runs it
-mod coefficients; // derivatives of radiance coefficients against exact ones
-mod compare; // image metrics
-mod conformance; // glTF files that must load
-mod derivative; // gradients against closed forms
-mod desk; // a folder to run the program in
-mod determinism; // same seed, same bytes
-mod furnace; // closed boxes of known radiance
-mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
-mod gltf_maker; // small glTF files made on the spot
-mod gradients; // the published gradients compared in the Cornell box
-mod header; // the C header and the guard
-mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
-mod ies; // measured luminaires
-mod imagefile; // images in and out
-mod images; // whole pictures against references
-mod installed; // the installed C library and its examples
-mod layers; // both integrators fill the layers alike
-mod leaks; // thin walls
-mod lights; // light sampling
-mod malformed; // files that must fail, cleanly
-mod pictures; // rendering inside the tests
-mod radiance; // radiance coefficients, their gradients, tables of lobes
-mod report; // schemes on equal terms
-mod scenes; // our own scenes
-mod scheme_texts; // presets, files of users, settings by name
-mod schemes; // every preset
-mod scotty3d; // what a second pass and the rotational gradient are worth
-mod sky; // daylight
-mod testdata; // where the optional test data is
-mod two_glossy; // light from one glossy surface on another
-mod zhao; // radiance records on all surfaces
+/// What the tests share.
+mod support {
+    pub mod bsdfs; // surfaces and quadrature for chi2 and furnace_bsdf
+    pub mod desk; // a folder to run the program in
+    pub mod gltf_maker; // small glTF files made on the spot
+    pub mod lights; // lights that are sampled
+    pub mod meshes; // meshes that rays are traced in
+    pub mod pictures; // rendering inside the tests
+    pub mod refined; // caches refined to convergence
+    pub mod rooms; // closed boxes and planes of known radiance
+    pub mod source; // the files of the project as text
+    pub mod statistics; // random numbers and what they are held against
+    pub mod testdata; // where the optional test data is
+}
+
+/// Estimators against closed forms and quadrature.
+mod numeric {
+    mod accel; // both back ends agree
+    mod accel_limits; // near, tiny, degenerate, not a number
+    mod basis; // spherical and hemispherical harmonics
+    mod camera; // rays, what undoes them, keyframes
+    mod chi2; // sample() agrees with pdf()
+    mod coefficients; // derivatives of radiance coefficients against exact ones
+    mod compare; // image metrics
+    mod derivative; // gradients against closed forms
+    mod emission; // where light paths begin
+    mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
+    mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
+    mod light_choice; // which lights are chosen
+    mod lights; // light sampling
+    mod lobes; // tables of glossy lobes
+    mod math; // frames, buffers
+    mod polygon; // irradiance in closed form
+    mod quadrature; // rules, slopes of harmonics
+    pub mod radiance; // radiance coefficients and their gradients
+    mod sampling; // random streams, warps
+    mod shade; // what material and textures make of a point
+    mod sky; // daylight
+    mod sky_models; // skies against their standards
+    mod strata; // directions of a hemisphere
+    mod texture; // texels
+}
+
+/// What the schemes promise.
+mod schemes {
+    mod adaptive; // adaptive caching
+    mod axes; // records with eight axes, direct light in records
+    mod glossy; // glossy pictures by records and by paths
+    mod gradients; // the published gradients compared in the Cornell box
+    mod leaks; // thin walls
+    mod presets; // every preset
+    mod report; // schemes on equal terms
+    mod scotty3d; // what a second pass and the rotational gradient are worth
+    mod steps_of_light; // small records at steps, few elsewhere
+    mod texts; // presets, files of users, settings by name
+    mod two_glossy; // light from one glossy surface on another
+    mod units; // of length and light do not matter
+    mod zhao; // radiance records on all surfaces
+}
+
+/// Whole pictures and their files.
+mod pictures {
+    mod animations; // cameras that move
+    mod bdpt; // bidirectional path tracing
+    mod determinism; // same seed, same bytes
+    mod furnace; // closed boxes of known radiance
+    mod imagefile; // images in and out
+    mod images; // whole pictures against references
+    mod layers; // both integrators fill the layers alike
+}
+
+/// Files of scenes and luminaires.
+mod import {
+    mod conformance; // glTF files that must load
+    mod ies; // measured luminaires
+    mod malformed; // files that must fail, cleanly
+    mod meaning; // small glTF files made on the spot
+    mod scenes; // our own scenes
+}
+
+mod capi; // the C library as C calls it, its header, its installation
+
+/// The program and the project.
+mod tools {
+    mod architecture; // module order, file sizes
+    mod cache_files; // caches saved, loaded, joined
+    mod documents; // the commands in the documents run
+    mod file_order; // no circles between files
+    mod prose; // citations, names of files and widths in documents and comments
+    mod cli; // the command line as a user runs it
+    mod outputs; // what `render` writes
+    mod watched; // a viewer, an interrupt
+}

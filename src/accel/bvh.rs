@@ -5,7 +5,7 @@ use super::build::{Built, LIMIT, build};
 use super::placement::{self, Placement};
 use super::traverse::{self, Node, Walker};
 use super::triangle::Triangle;
-use super::{Hit, Ray};
+use crate::ffi::ray::{Hit, Ray};
 use crate::geometry::Geometry;
 use crate::math::{Affine3A, Vec3};
 use glam::{DAffine3, Vec3A};

@@ -1,13 +1,13 @@
 //! Rays against triangles: closest hit and occlusion, for single rays and for bundles, by Embree or
 //! by a BVH in Rust.
 
-mod build;
-mod bvh;
+mod placement;
 #[cfg(feature = "embree")]
 mod embree;
-mod placement;
 mod traverse;
+mod build;
 mod triangle;
+mod bvh;
 
 pub use crate::ffi::ray::{Hit, Ray};
 
@@ -112,7 +112,7 @@ impl Accel {
     /// Builds the hierarchy. A geometry without triangles is allowed: every ray misses it.
     ///
     /// # Errors
-    /// `Error::Device` if the back end is not compiled in, does not start, or runs out of memory;
+    /// `Error::Device` if the back end is not compiled in or does not start; `Error::OutOfMemory`;
     /// `Error::InvalidArgument` if an instance names no mesh or an index no vertex.
     pub fn build(geometry: &Geometry, backend: Backend) -> Result<Self> {
         let start = Instant::now();

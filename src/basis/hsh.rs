@@ -1,7 +1,7 @@
 //! Hemispherical harmonics.
 
-use super::sh::outer;
-use super::{Basis, Jet, LANES, Lane, Sh};
+use super::functions::{Basis, Jet, LANES, Lane};
+use super::sh::{Sh, outer};
 use crate::math::{DVec3, Vec3};
 use glam::DMat3;
 
@@ -23,6 +23,10 @@ impl Hsh {
         Self(Sh::scaled(order, 2f64.sqrt()))
     }
 }
+
+/// The coefficients of cos θ in hemispherical harmonics, `cos θ = a H_00 + b H_10` exactly: with
+/// the coefficients λ of incident radiance, irradiance is `a λ_00 + b λ_10`.
+pub const HSH_COSINE: [f32; 2] = [1.253_314_1, 0.723_601_2];
 
 /// Least cos θ at which derivatives are taken.
 const MIN_COS: f64 = 1e-6;

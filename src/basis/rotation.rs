@@ -1,6 +1,8 @@
 //! Rotations: about the pole for every basis, general ones for spherical harmonics.
 
-use super::{Basis, LANES, Lane, Sh, gauss_legendre, index};
+use super::functions::{Basis, LANES, Lane, MAX_ORDER, index};
+use super::quadrature::gauss_legendre;
+use super::sh::Sh;
 use crate::math::{Frame, Vec3};
 use std::f32::consts::PI;
 
@@ -148,7 +150,7 @@ impl ShRotation {
     /// Applies the quarter turn, or its inverse, which is its transpose.
     fn quarter(&self, c: &mut [f32], inverse: bool) {
         let mut at = 0;
-        let mut out = [0.0; 2 * super::MAX_ORDER];
+        let mut out = [0.0; 2 * MAX_ORDER];
         for l in 0..c.len().isqrt() {
             let width = 2 * l + 1;
             let band = &mut c[l * l..(l + 1) * (l + 1)];

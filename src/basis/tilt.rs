@@ -1,6 +1,9 @@
 //! Rotation of hemispherical harmonics: exact about the pole, projected for tilts.
 
-use super::{Basis, Hsh, LANES, Lane, Turn, gauss_legendre, rotate_z};
+use super::functions::{Basis, LANES, Lane};
+use super::hsh::Hsh;
+use super::quadrature::gauss_legendre;
+use super::rotation::{Turn, rotate_z};
 use crate::math::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,5 +1,7 @@
 //! Measurements: the tracers against each other, and the caching schemes against references.
 
 pub mod accel;
-mod page;
 pub mod report;
+mod page;
+mod search;
+pub mod experiment;

@@ -1,28 +1,26 @@
 //! Caches: settings, building, files, statistics.
 
-use super::device::text;
-use super::host::{Exchange, Host};
-use super::object::{borrow, clear, publish, release, retain};
-use super::probe::HostProbe;
-use super::query::{Points, points};
-use super::scene::{SceneObject, World, path};
+use super::abi::{
+    LUMI_REUSE, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_record, lumi_scene, lumi_stats,
+    only, path, text, write,
+};
+use super::handles::{Kind, borrow, clear, publish, release, retain};
+use super::scene::{SceneObject, World};
 use super::status::{
-    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lumi_error,
+    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error,
+    state,
 };
-use super::types::{
-    LUMI_REUSE, lumi_cache, lumi_progress_fn, lumi_query, lumi_record, lumi_scene, lumi_stats,
-    write,
-};
-use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Reach, Scheme, settings};
+use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
+use crate::hosted::{Exchange, Host, HostProbe};
 use crate::progress::Progress;
-use crate::render::Gloss;
-use crate::transport::{PathTracer, SceneProbe};
+use crate::render::Job;
+use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError};
 use std::time::Instant;
 
 /// Points of each deeper level, unless the setting `deeper_points` says otherwise.
@@ -36,6 +34,8 @@ const DEEPER_FOOTPRINT: f32 = 0.004;
 #[derive(Clone)]
 pub(super) struct Settings {
     pub scheme: Scheme,
+    /// What `scheme` was scaled by.
+    pub quality: f32,
     pub max_bounces: u32,
     pub seed: u64,
     pub deeper_points: u32,
@@ -64,8 +64,9 @@ pub(super) struct CacheObject {
     pub scene: Arc<SceneObject>,
     settings: Mutex<Settings>,
     pub live: Live,
-    /// What serves glossy lobes, once a build or a picture has made records for it.
-    pub gloss: ArcSwapOption<Gloss>,
+    /// The glossy lobes that radiance records answer for, once a build or a picture has made such
+    /// records.
+    pub lobes: ArcSwapOption<GlossyLobes>,
     /// Held by who changes the cache as a whole.
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
@@ -74,15 +75,23 @@ pub(super) struct CacheObject {
     pub counters: Counters,
 }
 
+impl Kind for CacheObject {
+    type Opaque = lumi_cache_s;
+    const NAME: &'static str = "cache";
+    fn touched(&self) -> &Touched {
+        &self.touched
+    }
+}
+
 impl CacheObject {
     /// A copy of the settings: nothing stays locked.
     pub fn settings(&self) -> Settings {
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.settings).clone()
     }
 
     /// The host's progress callback.
     pub fn watcher(&self) -> Option<(Watcher, usize)> {
-        let (callback, user) = *self.watcher.lock().unwrap_or_else(PoisonError::into_inner);
+        let (callback, user) = *lock(&self.watcher);
         callback.map(|c| (c, user))
     }
 
@@ -107,10 +116,10 @@ impl CacheObject {
         Ok(FOOTPRINT * self.size()?)
     }
 
-    /// Puts another cache in the place of this one's records, and what serves glossy lobes with it.
-    pub fn put(&self, cache: Cache, gloss: Option<Arc<Gloss>>) {
+    /// Puts another cache in the place of this one's records, with the lobes that it answers for.
+    pub fn put(&self, cache: Cache, lobes: Option<Arc<GlossyLobes>>) {
         self.live.replace(cache);
-        self.gloss.store(gloss);
+        self.lobes.store(lobes);
     }
 
     fn origin(&self) -> Outcome<Origin> {
@@ -131,12 +140,9 @@ impl CacheObject {
 
     fn set(&self, name: &str, value: &str) -> Outcome {
         let _alone = self.change()?;
-        if self.live.read(|s| s.record_count() > 0) {
-            return Err(Fault::operation(
-                "the cache has records: clear it before its settings change",
-            ));
-        }
-        self.settings.lock().unwrap_or_else(PoisonError::into_inner).set(name, value)?;
+        let empty = self.live.read(|s| s.record_count() == 0);
+        state(empty, "the cache has records: clear it before its settings change")?;
+        lock(&self.settings).set(name, value)?;
         self.put(self.empty()?, None);
         Ok(())
     }
@@ -184,32 +190,30 @@ impl CacheObject {
             (self.settings().scheme, self.origin()?, Path::new("the other cache"));
         let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
         file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
-        self.live.replace(file.into_cache(scheme, &origin, reuse, name)?);
+        let mut cache = file.into_cache(scheme, &origin, reuse, name)?;
+        cache.share_radiance(self.live.snapshot().cache());
+        self.live.replace(cache);
         Ok(())
     }
 
     fn stats(&self) -> Outcome<lumi_stats> {
         let snapshot = self.live.snapshot();
-        let reach = Reach::new(snapshot.cache().scheme(), 0, self.size()?, 1.0);
+        let rule = snapshot.cache().radius_rule(0);
         let radii = snapshot
             .records()
             .filter(|(level, _)| *level == 0)
-            .map(|(_, r)| f64::from(reach.radius(r.length, r.footprint).0));
+            .map(|(_, r)| f64::from(rule.radius(r.length, r.footprint).0));
         let (sum, max, count) =
             radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
-        let host = match &self.scene.committed()?.world {
-            World::Own(_) => [0; 2],
-            World::Host(host) => host.counts(),
-        };
-        let gloss = self.gloss.load();
+        let host = self.scene.committed()?.host().map_or([0; 2], Host::counts);
         let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
         Ok(lumi_stats {
             struct_size: 0,
             frozen: u32::from(snapshot.is_frozen()),
             records: snapshot.record_count() as u64,
-            radiance_records: gloss.as_ref().map_or(0, |g| g.record_count() as u64),
-            bytes: (snapshot.bytes() + gloss.as_ref().map_or(0, |g| g.bytes())) as u64,
+            radiance_records: snapshot.cache().radiance_record_count() as u64,
+            bytes: snapshot.bytes() as u64,
             rays: load(&self.counters.rays),
             queries,
             hits,
@@ -225,22 +229,21 @@ impl CacheObject {
 
 impl Settings {
     fn set(&mut self, name: &str, value: &str) -> Outcome {
+        let wrong =
+            |what: String| Fault::argument(format!("setting `{name}` is {value}, expected {what}"));
         let number = |low: i64, high: i64| {
             let parsed = value.parse::<i64>().ok().filter(|n| (low..=high).contains(n));
-            parsed.ok_or_else(|| {
-                Fault::argument(format!(
-                    "setting `{name}` is {value}, expected a whole number from {low} to {high}"
-                ))
-            })
+            parsed.ok_or_else(|| wrong(format!("a whole number from {low} to {high}")))
         };
         match name {
-            "preset" => self.scheme = Preset::from_name_or_text(value)?.scheme(),
+            "preset" => {
+                (self.scheme, self.quality) = (Preset::from_name_or_text(value)?.scheme(), 1.0);
+            }
             "quality" => {
-                let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
-                let quality: f32 = quality.ok_or_else(|| {
-                    Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100"))
-                })?;
-                self.scheme.scale_quality(quality);
+                let quality = value.parse().ok().filter(|q| Job::QUALITY.contains(q));
+                let quality: f32 = quality.ok_or_else(|| wrong("0.01 to 100".into()))?;
+                self.scheme.scale_quality(quality / self.quality);
+                self.quality = quality;
             }
             "max_bounces" => {
                 self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX)
@@ -250,10 +253,8 @@ impl Settings {
             _ => {
                 let groups = ["refinement", "glossy"];
                 if !groups.contains(&name) && settings().iter().all(|s| s.name != name) {
-                    return Err(Fault::new(
-                        LUMI_ERROR_UNSUPPORTED,
-                        format!("there is no setting `{name}`"),
-                    ));
+                    let text = format!("there is no setting `{name}`");
+                    return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, text));
                 }
                 self.scheme.set(name, value)?;
             }
@@ -276,24 +277,24 @@ pub unsafe extern "C" fn lumi_cache_new(
 ) -> lumi_error {
     guard("lumi_cache_new", || {
         clear(out)?;
-        let scene = borrow::<SceneObject>(scene)?.arc().clone();
+        let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::from_name_or_text(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
-        let settings =
-            Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
+        let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };
         let object = CacheObject {
-            touched: Touched { log: scene.device.touched.log.clone(), broken: Arc::default() },
+            touched: scene.touched.child(),
             scene,
             settings: Mutex::new(settings),
             live,
-            gloss: ArcSwapOption::empty(),
+            lobes: ArcSwapOption::empty(),
             changing: Mutex::new(()),
             watcher: Mutex::new((None, 0)),
             waiting: OnceLock::new(),
             counters: Counters::default(),
         };
-        publish(Arc::new(object), out)
+        publish(object, out)
     })
 }
 
@@ -313,9 +314,8 @@ pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
     guard_void("lumi_cache_release", || release::<CacheObject>(cache));
 }
 
-/// Sets a number of the scheme, such as "validity.error", "radius.max_radius"
-/// or "quality". Fails with
-/// LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
+/// Sets a number of the scheme, such as "validity.error" or "radius.max_radius", or "quality".
+/// Fails with LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
 /// LUMI_ERROR_INVALID_OPERATION once the cache has records.
 ///
 /// Threads: one per cache.
@@ -360,7 +360,7 @@ pub unsafe extern "C" fn lumi_cache_set_str(
     })
 }
 
-/// Sets who watches lumi_cache_build and lumi_cache_render; NULL: nobody.
+/// Sets the callback that watches lumi_cache_build and lumi_cache_render; NULL: none.
 ///
 /// Threads: any; the callback runs on the thread that builds.
 #[unsafe(no_mangle)]
@@ -371,36 +371,13 @@ pub unsafe extern "C" fn lumi_cache_set_progress(
 ) -> lumi_error {
     guard("lumi_cache_set_progress", || {
         let cache = borrow::<CacheObject>(cache)?;
-        *cache.watcher.lock().unwrap_or_else(PoisonError::into_inner) =
-            (callback, user.expose_provenance());
+        *lock(&cache.watcher) = (callback, user.expose_provenance());
         Ok(())
     })
 }
 
-/// Makes records until every seed point is covered, and before that those of deeper bounces. Where
-/// seeds have `wo` and scene and preset are for it, radiance records are made beside them, for
-/// glossy lobes that harmonics represent; presets that refine records refine them, in scenes of our
-/// own. What the cache has already is kept. The same settings, points and calls give the
-/// same records, bit for bit, on any number of threads. Cancelled or failed, the cache is as
-/// before.
-///
-/// `seeds`: positions, normals, wo and footprints are read, nothing is written.
-///
-/// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_build(
-    cache: lumi_cache,
-    seeds: *const lumi_query,
-) -> lumi_error {
-    guard("lumi_cache_build", || {
-        let cache = borrow::<CacheObject>(cache)?;
-        let points: Points = points(seeds, &cache)?;
-        let _alone = cache.change()?;
-        cache.build(&points)
-    })
-}
-
-/// Joins what fills have added into one index, and refuses more records: lookups are fastest then.
+/// Joins the records of all fills into one index, and refuses more records. Lookups are fastest
+/// then.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
@@ -413,10 +390,10 @@ pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
     })
 }
 
-/// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what
-/// they were made for.
+/// Writes all records to a file with a checksum and the scene and settings that they were made for.
+/// The file is complete or not there: it is written elsewhere and renamed.
 ///
-/// `path`: UTF-8.
+/// `file`: the path, UTF-8.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -425,17 +402,15 @@ pub unsafe extern "C" fn lumi_cache_save(cache: lumi_cache, file: *const c_char)
 }
 
 fn reuse(flags: u32) -> Outcome<bool> {
-    if flags & !LUMI_REUSE != 0 {
-        return Err(Fault::argument(format!("unknown flags {flags:#x}")));
-    }
-    Ok(flags & LUMI_REUSE != 0)
+    only(LUMI_REUSE, flags, "reuse")?;
+    Ok(flags == LUMI_REUSE)
 }
 
-/// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the
-/// file was made for another scene or under other settings, which LUMI_REUSE overlooks.
-/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
+/// Replaces the records of the cache by those of a file. LUMI_ERROR_STALE_CACHE: the file was made
+/// for another scene or under other settings; LUMI_REUSE takes it nevertheless.
+/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. After a failure the cache is as before.
 ///
-/// `path`: UTF-8. `flags`: 0 or LUMI_REUSE.
+/// `file`: the path, UTF-8. `flags`: 0 or LUMI_REUSE.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
@@ -447,8 +422,8 @@ pub unsafe extern "C" fn lumi_cache_load(
     guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
 }
 
-/// Adds the records of `src` to `dst`, but for those that it has already. LUMI_ERROR_STALE_CACHE as
-/// for lumi_cache_load.
+/// Adds the records of `src` to `dst`, except those that `dst` has already. LUMI_ERROR_STALE_CACHE
+/// as for lumi_cache_load.
 ///
 /// `flags`: 0 or LUMI_REUSE.
 ///
@@ -465,7 +440,7 @@ pub unsafe extern "C" fn lumi_cache_merge(
     })
 }
 
-/// Drops all records; a frozen cache takes new ones again.
+/// Drops all records. A frozen cache takes new records afterwards.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
@@ -493,11 +468,12 @@ pub unsafe extern "C" fn lumi_cache_get_stats(
     })
 }
 
-/// Writes records `first` and following, at most `max`, to `out`: first level first.
+/// Writes at most `max` records to `out`, beginning with record number `first`. The records of the
+/// first level come first.
 ///
 /// `n`: receives how many were written; with `out` NULL, how many there are.
 ///
-/// Threads: any. The numbers of records stay the same only while nothing is added.
+/// Threads: any. The numbers of records stay the same while nothing is added.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_get_records(
     cache: lumi_cache,
@@ -508,22 +484,18 @@ pub unsafe extern "C" fn lumi_cache_get_records(
 ) -> lumi_error {
     guard("lumi_cache_get_records", || {
         let cache = borrow::<CacheObject>(cache)?;
-        if n.is_null() {
-            return Err(Fault::argument("n is NULL"));
-        }
-        let (snapshot, size) = (cache.live.snapshot(), cache.size()?);
+        ensure!(!n.is_null(), "n is NULL");
+        let snapshot = cache.live.snapshot();
         let mut count = 0;
         if out.is_null() {
             count = snapshot.record_count();
         } else {
             for (level, r) in snapshot.records().skip(first).take(max) {
-                let radius = Reach::new(snapshot.cache().scheme(), level, size, 1.0)
-                    .radius(r.length, r.footprint)
-                    .0;
+                let radius = snapshot.cache().radius_rule(level).radius(r.length, r.footprint).0;
                 let record = lumi_record {
                     position: r.position.to_array(),
                     normal: r.normal.to_array(),
-                    irradiance: r.irradiance.to_array(),
+                    irradiance: r.payload.irradiance.to_array(),
                     radius,
                     sigma: r.sigma,
                     level: level.into(),

@@ -1,18 +1,17 @@
 //! What the host describes, as scene data.
 
-use super::status::{Fault, Outcome};
-use super::types::{
-    LUMI_ALPHA_BLEND, LUMI_ALPHA_MASK, LUMI_ALPHA_OPAQUE, LUMI_FORMAT_F32X2, LUMI_FORMAT_F32X3,
-    LUMI_FORMAT_F32X4, LUMI_FORMAT_U32, LUMI_FORMAT_U32X3, LUMI_LIGHT_DIRECTIONAL,
-    LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED, LUMI_WRAP_CLAMP,
-    LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lumi_light_desc, lumi_material_desc, lumi_mesh_desc,
-    lumi_texture_desc,
+use super::abi::{
+    Input, LUMI_ALPHA_BLEND, LUMI_ALPHA_MASK, LUMI_ALPHA_OPAQUE, LUMI_FORMAT_F32X2,
+    LUMI_FORMAT_F32X3, LUMI_FORMAT_F32X4, LUMI_FORMAT_U32, LUMI_FORMAT_U32X3,
+    LUMI_LIGHT_DIRECTIONAL, LUMI_LIGHT_POINT, LUMI_LIGHT_SPOT, LUMI_MATERIAL_DOUBLE_SIDED,
+    LUMI_WRAP_CLAMP, LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lent, lumi_light_desc, lumi_material_desc,
+    lumi_mesh_desc, lumi_texture_desc, lumi_view, only,
 };
-use super::views::{Input, lent};
+use super::status::{Fault, Outcome, ensure};
 use crate::geometry::TriangleMesh;
-use crate::light::PunctualLight;
+use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::{AlphaMode, Material};
-use crate::math::{Affine3A, Color, Vec2, Vec3, Vec4};
+use crate::math::{Affine3A, Color, Mat3, Vec2, Vec3, Vec4};
 use crate::texture::{ColorSpace, Texture, TextureImage, TexturePixels, TextureRef, Wrap};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,12 +19,13 @@ use std::sync::Arc;
 /// Largest size of a texture along an axis.
 const MAX_TEXTURE: u32 = 1 << 16;
 
+fn none(what: &str, number: u32) -> Fault {
+    Fault::argument(format!("{what} {number}"))
+}
+
 fn finite(v: Vec3, what: &str) -> Outcome<Vec3> {
-    if v.is_finite() {
-        Ok(v)
-    } else {
-        Err(Fault::argument(format!("{what} {v} is no finite vector")))
-    }
+    ensure!(v.is_finite(), "{what} {v} is no finite vector");
+    Ok(v)
 }
 
 fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
@@ -33,30 +33,30 @@ fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
 }
 
 fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
-    if (low..=high).contains(&value) {
-        Ok(value)
-    } else {
-        Err(Fault::argument(format!("{what} is {value}, expected {low} to {high}")))
-    }
+    let inside = (low..=high).contains(&value);
+    ensure!(inside, "{what} is {value}, expected {low} to {high}");
+    Ok(value)
 }
 
 fn not_negative(c: [f32; 3], what: &str) -> Outcome<Color> {
     let c = finite(c.into(), what)?;
-    if c.min_element() >= 0.0 {
-        Ok(c)
-    } else {
-        Err(Fault::argument(format!("{what} {c} is negative")))
-    }
+    ensure!(c.min_element() >= 0.0, "{what} {c} is negative");
+    Ok(c)
 }
 
 /// The transform of 12 floats, columns x, y, z and translation.
 pub(super) fn transform(floats: &[f32; 12], what: &str) -> Outcome<Affine3A> {
     let m = Affine3A::from_cols_array(floats);
     let determinant = m.matrix3.determinant();
-    if !m.is_finite() || !determinant.is_finite() || determinant == 0.0 {
-        return Err(Fault::argument(format!("{what} is singular, or its numbers are none")));
-    }
+    let sound = m.is_finite() && determinant.is_finite() && determinant != 0.0;
+    ensure!(sound, "{what} is singular or not finite");
     Ok(m)
+}
+
+/// The arrays of `desc`.
+pub(super) fn views(desc: &lumi_mesh_desc) -> [lumi_view; 6] {
+    let (positions, triangles) = (desc.positions, desc.triangle_materials);
+    [positions, desc.indices, desc.normals, desc.uv0, desc.colors, triangles]
 }
 
 /// The meshes of `desc`, one for each material it uses; materials are below `materials`. Positions
@@ -66,40 +66,26 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
     let positions =
         Input::<f32, 3>::of_view(&desc.positions, LUMI_FORMAT_F32X3, "mesh: positions")?;
     let indices = Input::<u32, 3>::of_view(&desc.indices, LUMI_FORMAT_U32X3, "mesh: indices")?;
-    let (positions, indices) = (
-        positions.ok_or_else(|| missing("positions"))?,
-        indices.ok_or_else(|| missing("indices"))?,
-    );
+    let positions = positions.ok_or_else(|| missing("positions"))?;
+    let indices = indices.ok_or_else(|| missing("indices"))?;
     let normals = Input::<f32, 3>::of_view(&desc.normals, LUMI_FORMAT_F32X3, "mesh: normals")?;
     let uv = Input::<f32, 2>::of_view(&desc.uv0, LUMI_FORMAT_F32X2, "mesh: uv0")?;
     let colors = Input::<f32, 4>::of_view(&desc.colors, LUMI_FORMAT_F32X4, "mesh: colors")?;
-    let own = Input::<u32, 1>::of_view(
-        &desc.triangle_materials,
-        LUMI_FORMAT_U32,
-        "mesh: triangle_materials",
-    )?;
+    let own = &desc.triangle_materials;
+    let own = Input::<u32, 1>::of_view(own, LUMI_FORMAT_U32, "mesh: triangle_materials")?;
     let vertices = positions.len();
-    for (what, count) in [
-        ("normals", normals.map(|v| v.len())),
-        ("uv0", uv.map(|v| v.len())),
-        ("colors", colors.map(|v| v.len())),
+    for (what, count, wanted, things) in [
+        ("normals", normals.map(|v| v.len()), vertices, "vertices"),
+        ("uv0", uv.map(|v| v.len()), vertices, "vertices"),
+        ("colors", colors.map(|v| v.len()), vertices, "vertices"),
+        ("triangle_materials", own.map(|v| v.len()), indices.len(), "triangles"),
     ] {
-        if count.is_some_and(|n| n != vertices) {
-            return Err(Fault::argument(format!(
-                "mesh: {what} has {} elements for {vertices} vertices",
-                count.unwrap_or(0)
-            )));
-        }
-    }
-    if own.is_some_and(|m| m.len() != indices.len()) {
-        return Err(Fault::argument(format!(
-            "mesh: triangle_materials does not have an element for each of {} triangles",
-            indices.len()
-        )));
+        let n = count.unwrap_or(wanted);
+        ensure!(n == wanted, "mesh: {what} has {n} elements for {wanted} {things}");
     }
     let positions: Vec<Vec3> = positions.iter().map(Vec3::from).collect();
-    if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
-        return Err(Fault::argument(format!("mesh: position {i} is no finite vector")));
+    for (i, p) in positions.iter().enumerate() {
+        ensure!(p.is_finite(), "mesh: position {i} is no finite vector");
     }
     // A normal that is none is left to the surface: it is looked up as zero there.
     let normals: Option<Vec<Vec3>> = normals
@@ -112,17 +98,13 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
 
     let mut by_material: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
     for (i, triangle) in indices.iter().enumerate() {
-        if triangle.iter().any(|v| *v as usize >= vertices) {
-            return Err(Fault::argument(format!(
-                "mesh: triangle {i} has a vertex beyond its {vertices}"
-            )));
-        }
+        let inside = triangle.iter().all(|v| (*v as usize) < vertices);
+        ensure!(inside, "mesh: triangle {i} has a vertex beyond its {vertices}");
         let material = own.map_or(desc.material, |m| m.get(i)[0]);
-        if material as usize >= materials {
-            return Err(Fault::argument(format!(
-                "mesh: triangle {i} has material {material}, of which there are {materials}"
-            )));
-        }
+        ensure!(
+            (material as usize) < materials,
+            "mesh: triangle {i} has material {material}, of which there are {materials}"
+        );
         by_material.entry(material).or_default().push(triangle);
     }
     let whole = TriangleMesh {
@@ -220,35 +202,27 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
     let share = |value: f32, what: &str| in_range(value, 0.0, 1.0, &format!("material: {what}"));
     let base_color = not_negative(desc.base_color, "material: base_color")?;
     share(base_color.max_element(), "base_color")?;
-    if desc.flags & !LUMI_MATERIAL_DOUBLE_SIDED != 0 {
-        return Err(Fault::argument(format!("material: unknown flags {:#x}", desc.flags)));
-    }
-    let emission_texture = texture(desc.emission_texture, ColorSpace::Srgb, "emission_texture")?;
+    only(LUMI_MATERIAL_DOUBLE_SIDED, desc.flags, "material")?;
+    let (color, glossy) = (desc.base_color_texture, desc.metallic_roughness_texture);
     Ok(Material {
         base_color,
         base_alpha: share(desc.alpha, "alpha")?,
-        base_color_texture: texture(
-            desc.base_color_texture,
-            ColorSpace::Srgb,
-            "base_color_texture",
-        )?,
+        base_color_texture: texture(color, ColorSpace::Srgb, "base_color_texture")?,
         metallic: share(desc.metallic, "metallic")?,
         roughness: share(desc.roughness, "roughness")?,
         metallic_roughness_texture: texture(
-            desc.metallic_roughness_texture,
+            glossy,
             ColorSpace::Linear,
             "metallic_roughness_texture",
         )?,
         normal_texture: texture(desc.normal_texture, ColorSpace::Linear, "normal_texture")?,
         emission: not_negative(desc.emission, "material: emission")?,
-        emission_texture,
+        emission_texture: texture(desc.emission_texture, ColorSpace::Srgb, "emission_texture")?,
         alpha_mode: match desc.alpha_mode {
             LUMI_ALPHA_OPAQUE => AlphaMode::Opaque,
             LUMI_ALPHA_MASK => AlphaMode::Mask(share(desc.alpha_cutoff, "alpha_cutoff")?),
             LUMI_ALPHA_BLEND => AlphaMode::Blend,
-            other => {
-                return Err(Fault::argument(format!("material: there is no alpha_mode {other}")));
-            }
+            other => return Err(none("material: there is no alpha_mode", other)),
         },
         double_sided: desc.flags & LUMI_MATERIAL_DOUBLE_SIDED != 0,
         ior: in_range(desc.ior, 1.0, 100.0, "material: ior")?,
@@ -260,28 +234,22 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
 
 /// The texture of `desc`.
 pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
-    if desc.width == 0 || desc.height == 0 || desc.width > MAX_TEXTURE || desc.height > MAX_TEXTURE
-    {
-        return Err(Fault::argument(format!(
-            "texture: {} x {} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible",
-            desc.width, desc.height
-        )));
-    }
+    let (width, height) = (desc.width, desc.height);
+    ensure!(
+        [width, height].iter().all(|n| (1..=MAX_TEXTURE).contains(n)),
+        "texture: {width} x {height} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible"
+    );
     let wrap = |mode: u32| match mode {
         LUMI_WRAP_REPEAT => Ok(Wrap::Repeat),
         LUMI_WRAP_MIRROR => Ok(Wrap::Mirror),
         LUMI_WRAP_CLAMP => Ok(Wrap::Clamp),
-        other => Err(Fault::argument(format!("texture: there is no wrapping {other}"))),
+        other => Err(none("texture: there is no wrapping", other)),
     };
     let (wrap_s, wrap_t) = (wrap(desc.wrap_u)?, wrap(desc.wrap_v)?);
-    let pixels = Input::<u8, 4>::required(
-        desc.pixels,
-        desc.width as usize * desc.height as usize,
-        0,
-        "texture: pixels",
-    )?;
+    let count = width as usize * height as usize;
+    let pixels = Input::<u8, 4>::required(desc.pixels, count, 0, "texture: pixels")?;
     let pixels = TexturePixels::Rgba8(pixels.iter().collect());
-    let image = Arc::new(TextureImage { width: desc.width, height: desc.height, pixels });
+    let image = Arc::new(TextureImage { width, height, pixels });
     Ok(Texture { image, wrap_s, wrap_t, nearest: desc.nearest != 0 })
 }
 
@@ -312,13 +280,40 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
         LUMI_LIGHT_DIRECTIONAL => {
             PunctualLight::Directional { direction: direction()?, irradiance: intensity }
         }
-        other => return Err(Fault::argument(format!("light: there is no kind {other}"))),
+        other => return Err(none("light: there is no kind", other)),
     })
+}
+
+/// The environment of `width` times `height` pixels at `rgb`, `None` for NULL. `to_map` is the
+/// rotation from the world, if not NULL.
+pub(super) fn environment(
+    rgb: *const f32,
+    width: u32,
+    height: u32,
+    to_map: *const f32,
+) -> Outcome<Option<EnvironmentMap>> {
+    if rgb.is_null() {
+        return Ok(None);
+    }
+    let count = width as usize * height as usize;
+    let possible = (1..=1 << 28).contains(&count);
+    ensure!(possible, "an environment of {width} x {height} pixels is not possible");
+    let pixels = Input::<f32, 3>::required(rgb, count, 0, "rgb")?;
+    let rotation = match Input::<f32, 9>::new(to_map, 1, 0, "to_map")? {
+        Some(floats) => Mat3::from_cols_array(&floats.get(0)),
+        None => Mat3::IDENTITY,
+    };
+    let error = rotation * rotation.transpose() - Mat3::IDENTITY;
+    let error = error.to_cols_array().iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+    ensure!(rotation.is_finite() && error <= 1e-3, "to_map is no rotation");
+    let pixels = pixels.iter().map(Color::from).collect();
+    let from_world = Affine3A::from_mat3(rotation);
+    Ok(Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world }))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::types::{LUMI_VIEW_SHARED, lumi_view};
+    use super::super::abi::LUMI_VIEW_SHARED;
     use super::*;
 
     #[test]

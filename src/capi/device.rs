@@ -1,17 +1,24 @@
 //! Devices: threads, ray tracer and log of one user of the library.
 
-use super::object::{borrow, clear, publish, release, retain};
+use super::abi::{LUMI_ABI_VERSION, copy_text, lumi_device, lumi_device_s, text};
+use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::status::{
-    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Log, Outcome, Touched, guard, guard_void,
-    lumi_error, lumi_log_fn,
+    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Outcome, Touched, ensure, guard,
+    guard_void, lumi_error, lumi_log_fn,
 };
-use super::types::{LUMI_ABI_VERSION, lumi_device};
 use crate::accel::{Accel, Backend};
 use crate::error::Error;
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
+use crate::material::tables::TableStore;
 use std::ffi::{CStr, c_char, c_void};
-use std::sync::Arc;
+use std::path::PathBuf;
+
+/// The environment variable that names the folder of tables where the host names none.
+const TABLES: &str = "LUMICACHE_TABLES";
+/// The environment variable that names the file of Embree, in builds that load it at run time.
+#[cfg(feature = "private-embree")]
+const EMBREE: &str = "LUMICACHE_EMBREE";
 
 /// A device.
 pub(super) struct DeviceObject {
@@ -20,6 +27,16 @@ pub(super) struct DeviceObject {
     pub backend: Backend,
     /// Name and version of the ray tracer.
     pub backend_version: String,
+    /// Where tabulated lobes are kept between runs.
+    pub tables: TableStore,
+}
+
+impl Kind for DeviceObject {
+    type Opaque = lumi_device_s;
+    const NAME: &'static str = "device";
+    fn touched(&self) -> &Touched {
+        &self.touched
+    }
 }
 
 impl DeviceObject {
@@ -39,42 +56,35 @@ pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadP
         .map_err(|e| Error::Device(format!("threads could not be started: {e}")).into())
 }
 
-/// The text at `at`.
-pub(super) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
-    if at.is_null() {
-        return Err(Fault::argument(format!("{what} is NULL")));
-    }
-    // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond
-    // which it is not kept.
-    unsafe { CStr::from_ptr(at) }
-        .to_str()
-        .map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
-}
-
 fn new_device(config: &str) -> Outcome<DeviceObject> {
     let (mut threads, mut wanted) = (0_usize, None);
+    let mut tables = std::env::var_os(TABLES);
     for item in config.split(',').map(str::trim).filter(|i| !i.is_empty()) {
         let (key, value) = item.split_once('=').unwrap_or((item, ""));
         match key.trim() {
             "threads" => {
                 threads = value.trim().parse().ok().filter(|n| *n <= 4096).ok_or_else(|| {
-                    Fault::argument(format!(
-                        "config: threads={value}: expected a number from 0 (all processors) to 4096"
-                    ))
+                    let expected = "expected a number from 0 (all processors) to 4096";
+                    Fault::argument(format!("config: threads={value}: {expected}"))
                 })?;
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
+            "tables" => tables = Some(value.trim().into()),
             _ => {
-                return Err(Fault::argument(format!(
-                    "config: there is no `{key}`; there are threads and backend"
-                )));
+                ensure!(false, "config: there is no `{key}`; there are threads, backend and tables")
             }
         }
     }
+    #[cfg(feature = "private-embree")]
+    if let Some(path) = std::env::var_os(EMBREE).filter(|path| !path.is_empty()) {
+        crate::ffi::embree::name_library(path);
+    }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
-    let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
-    Ok(DeviceObject { touched, pool: pool(threads, "lumicache")?, backend, backend_version })
+    let (touched, pool) = (Touched::default(), pool(threads, "lumicache")?);
+    let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
+    let tables = TableStore::new(folder);
+    Ok(DeviceObject { touched, pool, backend, backend_version, tables })
 }
 
 /// The version of the ABI that the library has, as LUMI_ABI_VERSION of its header.
@@ -113,7 +123,9 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// `abi_version`: pass LUMI_ABI_VERSION. Another major version, or a later minor one than the
 /// library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
 /// `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
-/// starts). `out`: receives the device, NULL on failure.
+/// starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
+/// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`).
+/// `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -131,7 +143,7 @@ pub unsafe extern "C" fn lumi_device_new(
             return Err(Fault::new(LUMI_ERROR_VERSION, what));
         }
         let config = if config.is_null() { "" } else { text(config, "config")? };
-        publish(Arc::new(new_device(config)?), out)
+        publish(new_device(config)?, out)
     })
 }
 
@@ -151,8 +163,8 @@ pub unsafe extern "C" fn lumi_device_release(device: lumi_device) {
     guard_void("lumi_device_release", || release::<DeviceObject>(device));
 }
 
-/// Sets who hears of warnings and failures of calls on this device and its scenes and caches; NULL:
-/// nobody.
+/// Sets the callback that hears of warnings and failures of calls on this device, its scenes and
+/// its caches; NULL: none.
 ///
 /// Threads: any; a message under way may still go to the former callback.
 #[unsafe(no_mangle)]
@@ -179,15 +191,14 @@ pub unsafe extern "C" fn lumi_device_get_backend(
 ) -> lumi_error {
     guard("lumi_device_get_backend", || {
         let device = borrow::<DeviceObject>(device)?;
-        if buffer.is_null() || size == 0 {
-            return Err(Fault::argument("there is no room for the text"));
-        }
-        let bytes = device.backend_version.as_bytes();
-        let count = bytes.len().min(size - 1);
-        for (i, byte) in bytes[..count].iter().chain(&[0]).enumerate() {
-            // SAFETY: the host passes room for `size` bytes, and i <= count < size.
-            unsafe { buffer.add(i).write(*byte as c_char) };
-        }
+        ensure!(!buffer.is_null() && size > 0, "there is no room for the text");
+        let size = size.min(device.backend_version.len() + 1);
+        // SAFETY: the host passes room for at least `size` bytes, and at least one.
+        let room = unsafe {
+            std::ptr::write_bytes(buffer, 0, size);
+            std::slice::from_raw_parts_mut(buffer, size)
+        };
+        copy_text(&device.backend_version, &mut room[..size - 1]);
         Ok(())
     })
 }

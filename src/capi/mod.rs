@@ -13,27 +13,24 @@
     reason = "the header and docs/CAPI.md say what the caller owes, function by function"
 )]
 
-mod build;
-mod cache;
-mod describe;
-mod device;
-mod handles;
-mod host;
-mod object;
-mod probe;
-mod query;
-mod render;
-mod scene;
 mod status;
-mod sync;
-mod types;
-mod views;
+mod abi;
+mod handles;
+mod device;
+mod describe;
+mod host;
+mod scene;
+mod cache;
 mod work;
+mod query;
+mod build;
+mod render;
 
+pub use abi::*;
+pub use build::*;
 pub use cache::*;
 pub use device::*;
 pub use query::*;
 pub use render::*;
 pub use scene::*;
 pub use status::*;
-pub use types::*;

@@ -1,20 +1,19 @@
 //! Questions to a cache, many points at a time.
 
-use super::cache::CacheObject;
-use super::object::borrow;
-use super::probe::surface_point;
-use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
-use super::types::{
-    LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED,
-    LUMI_QUERY_FILL, lumi_cache, lumi_query, read,
+use super::abi::{
+    Input, LUMI_POINT_COMPUTED, LUMI_POINT_INTERPOLATED, LUMI_POINT_MISSING, LUMI_POINT_REJECTED,
+    LUMI_QUERY_FILL, Output, lumi_cache, lumi_query, only, read,
 };
-use super::views::{Input, Output};
-use crate::cache::{Answer, LevelPoints, Snapshot};
+use super::cache::CacheObject;
+use super::handles::borrow;
+use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, ensure, guard, lumi_error};
+use crate::cache::{Answer, Snapshot, scattered};
 use crate::geometry::SurfacePoint;
+use crate::hosted::surface_point;
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::hash;
-use crate::transport::{Known, PathTracer};
+use crate::transport::PathTracer;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -34,13 +33,8 @@ pub(super) struct Points {
     default_footprint: f32,
 }
 
-/// The points that the host's query names.
-pub(super) fn points(query: *const lumi_query, cache: &CacheObject) -> Outcome<Points> {
-    Points::new(&read(query, "the query")?, cache)
-}
-
 impl Points {
-    fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
+    pub fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
         Ok(Self {
             position: Input::required(q.position, q.n, q.position_stride, "position")?,
             normal: Input::required(q.normal, q.n, q.normal_stride, "normal")?,
@@ -94,10 +88,10 @@ impl Points {
 
 /// Where the answers go.
 struct Answers {
-    irradiance: Option<Output<f32, 3>>,
-    radiance: Option<Output<f32, 3>>,
-    error: Option<Output<f32, 1>>,
-    status: Option<Output<u8, 1>>,
+    irradiance: Output<f32, 3>,
+    radiance: Output<f32, 3>,
+    error: Output<f32, 1>,
+    status: Output<u8, 1>,
 }
 
 impl Answers {
@@ -112,15 +106,9 @@ impl Answers {
 
     #[inline]
     fn set(&mut self, i: usize, irradiance: Color, error: f32, status: u8) {
-        if let Some(o) = &mut self.irradiance {
-            o.set(i, irradiance.to_array());
-        }
-        if let Some(o) = &mut self.error {
-            o.set(i, [error]);
-        }
-        if let Some(o) = &mut self.status {
-            o.set(i, [status]);
-        }
+        self.irradiance.set(i, irradiance);
+        self.error.set(i, [error]);
+        self.status.set(i, [status]);
     }
 }
 
@@ -129,6 +117,7 @@ impl Answers {
 fn look_up(snapshot: &Snapshot, at: &SurfacePoint) -> Option<Answer> {
     if snapshot.cache().level_count() == 0 {
         return Some(Answer {
+            glossy: Color::ZERO,
             irradiance: Color::ZERO,
             direct: None,
             error: 0.0,
@@ -147,17 +136,13 @@ fn arriving(answer: &Answer) -> Color {
 
 impl CacheObject {
     fn query(&self, q: &lumi_query) -> Outcome {
-        if q.flags & !LUMI_QUERY_FILL != 0 {
-            return Err(Fault::argument(format!("query: unknown flags {:#x}", q.flags)));
-        }
+        only(LUMI_QUERY_FILL, q.flags, "query")?;
         let (points, mut answers) = (Points::new(q, self)?, Answers::new(q)?);
         let mut missed = Vec::new();
         let mut hits = 0;
-        let mut begin = 0;
-        while begin < q.n {
-            let end = q.n.min(begin + CHUNK);
+        for begin in (0..q.n).step_by(CHUNK) {
             self.live.read(|snapshot| {
-                for i in begin..end {
+                for i in begin..q.n.min(begin + CHUNK) {
                     let Some(at) = points.get(i) else {
                         answers.set(i, Color::ZERO, 0.0, LUMI_POINT_REJECTED);
                         continue;
@@ -174,7 +159,6 @@ impl CacheObject {
                     }
                 }
             });
-            begin = end;
         }
         self.counters.queries.fetch_add(q.n as u64, Ordering::Relaxed);
         self.counters.hits.fetch_add(hits, Ordering::Relaxed);
@@ -188,8 +172,8 @@ impl CacheObject {
                 }
             });
         }
-        if let Some(radiance) = &mut answers.radiance {
-            self.glossy(q, &points, radiance)?;
+        if answers.radiance.is_wanted() {
+            self.glossy(q, &points, &mut answers.radiance)?;
         }
         Ok(())
     }
@@ -198,7 +182,7 @@ impl CacheObject {
     fn fill(&self, points: Vec<SurfacePoint>) -> Outcome {
         let started = Instant::now();
         let (seed, progress) = (self.settings().seed, Progress::default());
-        let points = LevelPoints::scattered(points, seed).points;
+        let points = scattered(&points, seed);
         let stats = self.run(&progress, false, |exchange| {
             self.with_probe(exchange, &progress, |probe| {
                 self.live.fill(probe, points, seed, &progress)
@@ -210,37 +194,34 @@ impl CacheObject {
     }
 
     /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records
-    /// where those serve them, else by paths.
+    /// where lobes are cached, else by paths.
     fn glossy(&self, q: &lumi_query, points: &Points, radiance: &mut Output<f32, 3>) -> Outcome {
         let scene = self.scene.own().map_err(|f| {
             Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message))
         })?;
-        if points.wo.is_none() {
-            return Err(Fault::argument("glossy radiance needs wo"));
-        }
+        ensure!(points.wo.is_some(), "glossy radiance needs wo");
         let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
-        let (snapshot, gloss, n) = (self.live.snapshot(), self.gloss.load_full(), q.n);
-        let gloss = gloss.as_ref().map(|g| g.shading(&settings.scheme));
-        let known = Known { irradiance: snapshot.cache(), gloss };
+        let (snapshot, lobes, n) = (self.live.snapshot(), self.lobes.load_full(), q.n);
+        let lobes = lobes.as_ref().map(|l| l.choice(&settings.scheme));
         let found: Vec<Color> = self.scene.device.pool.install(|| {
             let one = |i: usize| {
                 let at = points.get(i)?;
                 let seed = hash(&[settings.seed, 3, i as u64]);
-                tracer.glossy_indirect(&at, samples, seed, known)
+                tracer.glossy_indirect(&at, samples, seed, snapshot.cache(), lobes)
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });
-        found.iter().enumerate().for_each(|(i, c)| radiance.set(i, c.to_array()));
+        found.iter().enumerate().for_each(|(i, c)| radiance.set(i, *c));
         Ok(())
     }
 }
 
-/// Answers for many points. Without LUMI_QUERY_FILL it never waits for another thread, and its
-/// answers depend on the records alone. With it, points that no record answers get one; which
-/// records those are depends on what other threads fill at the same time. A failing or stopping
-/// host leaves the answers that there were.
+/// Looks up many shading points. Without LUMI_QUERY_FILL, the call waits for no other thread, and
+/// the answers depend on the records alone. With LUMI_QUERY_FILL, the call makes records where no
+/// record is valid; these records depend on what other threads fill at the same time. When a host
+/// fails, the answers before the fill stay.
 ///
 /// Threads: any. Lookups run on the calling thread; fills on the device's threads.
 #[unsafe(no_mangle)]

@@ -1,27 +1,24 @@
 //! Scenes: described piece by piece, read from a file, or kept by the host; then committed.
 
-use super::describe;
-use super::device::{DeviceObject, text};
-use super::host::Host;
-use super::object::{Borrowed, borrow, clear, publish, release, retain};
-use super::probe::surface_point;
-use super::status::{Fault, Outcome, Touched, guard, guard_void, lumi_error};
-use super::types::{
-    LUMI_VIEW_SHARED, lumi_device, lumi_host_desc, lumi_light_desc, lumi_material_desc,
-    lumi_mesh_desc, lumi_scene, lumi_scene_info, lumi_texture_desc, lumi_trace_desc, read, write,
+use super::abi::{
+    Input, LUMI_VIEW_SHARED, Output, copy_text, lumi_device, lumi_host_desc, lumi_light_desc,
+    lumi_material_desc, lumi_mesh_desc, lumi_scene, lumi_scene_info, lumi_scene_s,
+    lumi_texture_desc, lumi_trace_desc, path, read, write,
 };
-use super::views::{Input, Output};
+use super::describe;
+use super::device::DeviceObject;
+use super::handles::{Kind, borrow, clear, publish, release, retain};
+use super::host::host_of;
+use super::status::{Fault, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error, state};
 use crate::accel::Ray;
-use crate::error::Error;
-use crate::geometry::{Aabb, Instance, SurfacePoint, TriangleMesh};
+use crate::geometry::{Aabb, Instance, TriangleMesh};
+use crate::hosted::Host;
 use crate::import::{self, ImportOptions};
-use crate::light::EnvironmentMap;
-use crate::math::{Affine3A, Color, Mat3, Vec3};
+use crate::math::{Affine3A, Vec3};
 use crate::scene::{Scene, SceneData};
 use std::collections::BTreeMap;
 use std::ffi::c_char;
-use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 /// What rays see once a scene is committed.
 pub(super) enum World {
@@ -47,6 +44,14 @@ impl Committed {
             World::Host(host) => host.bounds.diagonal(),
         }
     }
+
+    /// The host, if it keeps the scene.
+    pub fn host(&self) -> Option<&Host> {
+        match &self.world {
+            World::Own(_) => None,
+            World::Host(host) => Some(host),
+        }
+    }
 }
 
 /// A mesh as it was described.
@@ -70,12 +75,30 @@ struct Draft {
     host: Option<Host>,
 }
 
+impl Draft {
+    /// True without meshes, materials and textures.
+    fn is_bare(&self) -> bool {
+        self.meshes.is_empty()
+            && self.data.geometry.meshes.is_empty()
+            && self.data.materials.is_empty()
+            && self.data.textures.is_empty()
+    }
+}
+
 /// A scene.
 pub(super) struct SceneObject {
     pub touched: Touched,
     pub device: Arc<DeviceObject>,
     draft: Mutex<Draft>,
     committed: OnceLock<Committed>,
+}
+
+impl Kind for SceneObject {
+    type Opaque = lumi_scene_s;
+    const NAME: &'static str = "scene";
+    fn touched(&self) -> &Touched {
+        &self.touched
+    }
 }
 
 impl SceneObject {
@@ -96,24 +119,20 @@ impl SceneObject {
 
     /// The draft of a scene of our own.
     fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
-        let draft = self.draft.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.committed.get().is_some() {
-            return Err(Fault::operation("the scene is committed: it cannot change any more"));
-        }
-        if draft.host.is_some() {
-            return Err(Fault::operation("the host keeps this scene: nothing can be added to it"));
-        }
+        let draft = lock(&self.draft);
+        let open = self.committed.get().is_none();
+        state(open, "the scene is committed: it cannot change any more")?;
+        let ours = draft.host.is_none();
+        state(ours, "the host keeps this scene: nothing can be added to it")?;
         Ok(draft)
     }
 
     fn commit(&self) -> Outcome {
-        let mut draft = self.draft.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.committed.get().is_some() {
-            return Err(Fault::operation("the scene is committed already"));
-        }
+        let mut draft = lock(&self.draft);
+        state(self.committed.get().is_none(), "the scene is committed already")?;
         let committed = match draft.host.take() {
             Some(host) => {
-                let hash = format!("{:016x}", host.hash);
+                let hash = format!("{:016x}", host.scene_hash);
                 let hashes = BTreeMap::from([("scene of the host".to_owned(), hash.clone())]);
                 Committed { bounds: host.bounds, world: World::Host(host), hashes, hash }
             }
@@ -149,31 +168,24 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
             numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }),
         );
     }
-    let (hashes, hash) = (data.hashes(), data.hash());
     let (scene, warnings) = Scene::new(data, device.backend)?;
+    let (hashes, hash) = (scene.hashes().clone(), scene.hash());
     warnings.iter().for_each(|w| device.warn(w));
+    let scene = scene.with_tables(device.tables.clone());
     Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
 }
 
-/// Makes an empty scene; the caller owns a reference to it. Describe it or read it from a file,
-/// then commit it.
+/// Makes an empty scene; the caller owns a reference to it. Describe the scene or read it from a
+/// file, then commit it.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_new(device: lumi_device, out: *mut lumi_scene) -> lumi_error {
     guard("lumi_scene_new", || {
         clear(out)?;
-        let device = borrow::<DeviceObject>(device)?.arc().clone();
-        let touched = Touched { log: device.touched.log.clone(), broken: Arc::default() };
-        publish(
-            Arc::new(SceneObject {
-                touched,
-                device,
-                draft: Mutex::default(),
-                committed: OnceLock::new(),
-            }),
-            out,
-        )
+        let device = borrow::<DeviceObject>(device)?.arc();
+        let (touched, draft, committed) = (device.touched.child(), <_>::default(), <_>::default());
+        publish(SceneObject { touched, device, draft, committed }, out)
     })
 }
 
@@ -195,48 +207,44 @@ pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
 
 /// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty.
 ///
-/// `path`: UTF-8.
+/// `file`: the path, UTF-8.
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_load_gltf(
     scene: lumi_scene,
-    path: *const c_char,
+    file: *const c_char,
 ) -> lumi_error {
     guard("lumi_scene_load_gltf", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let path = text(path, "path")?;
+        let (scene, file) = (borrow::<SceneObject>(scene)?, path(file)?);
         let mut draft = scene.draft()?;
-        let data = &draft.data;
-        if !(data.geometry.meshes.is_empty()
-            && data.materials.is_empty()
-            && data.textures.is_empty()
-            && draft.meshes.is_empty())
-        {
-            return Err(Fault::operation(
-                "the scene is not empty: read the file before anything else",
-            ));
-        }
-        let lights = std::mem::take(&mut draft.data.punctual);
-        let environment = draft.data.environment.take();
-        let loaded =
-            scene.device.pool.install(|| import::gltf(Path::new(path), &ImportOptions::default()));
-        match loaded {
-            Ok(data) => {
-                draft.data = data;
-                draft.data.punctual.extend(lights);
-                draft.data.environment = environment.or(draft.data.environment.take());
-                Ok(())
-            }
-            Err(error) => {
-                (draft.data.punctual, draft.data.environment) = (lights, environment);
-                Err(error.into())
-            }
-        }
+        state(draft.is_bare(), "the scene is not empty: read the file before anything else")?;
+        let device = &scene.device;
+        let read = || import::gltf(file, &ImportOptions::default());
+        let mut data = device.pool.install(read)?;
+        data.punctual.append(&mut draft.data.punctual);
+        data.environment = draft.data.environment.take().or(data.environment);
+        draft.data = data;
+        Ok(())
     })
 }
 
-/// Adds a mesh and gives its number, from 0. It is seen where lumi_scene_add_instance places it.
+/// Changes the draft of a scene that is not committed.
+fn change(scene: lumi_scene, f: impl FnOnce(&mut Draft) -> Outcome) -> Outcome {
+    f(&mut *borrow::<SceneObject>(scene)?.draft()?)
+}
+
+/// Adds `item` to `items` and gives the host its number.
+fn add<T>(items: &mut Vec<T>, item: T, id: *mut u32) -> Outcome {
+    items.push(item);
+    if !id.is_null() {
+        // SAFETY: the caller passes NULL or the address of a number.
+        unsafe { id.write(items.len() as u32 - 1) };
+    }
+    Ok(())
+}
+
+/// Adds a mesh and gives its number, from 0. lumi_scene_add_instance places the mesh.
 ///
 /// `id`: receives the number; may be NULL.
 ///
@@ -248,41 +256,22 @@ pub unsafe extern "C" fn lumi_scene_add_mesh(
     id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_mesh", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let desc = read(mesh, "the mesh")?;
-        let mut draft = scene.draft()?;
-        let views = [
-            desc.positions,
-            desc.indices,
-            desc.normals,
-            desc.uv0,
-            desc.colors,
-            desc.triangle_materials,
-        ];
-        let shared = views.iter().any(|v| v.flags & LUMI_VIEW_SHARED != 0);
-        let described = if shared {
-            Described::Shared(desc)
-        } else {
-            Described::Ready(describe::meshes(&desc, draft.data.materials.len())?)
-        };
-        draft.meshes.push(described);
-        give(id, draft.meshes.len())
+        change(scene, |draft| {
+            let desc = read(mesh, "the mesh")?;
+            let mesh = if describe::views(&desc).iter().any(|v| v.flags & LUMI_VIEW_SHARED != 0) {
+                Described::Shared(desc)
+            } else {
+                Described::Ready(describe::meshes(&desc, draft.data.materials.len())?)
+            };
+            add(&mut draft.meshes, mesh, id)
+        })
     })
-}
-
-/// Writes the number of the last of `count` things.
-fn give(id: *mut u32, count: usize) -> Outcome {
-    if !id.is_null() {
-        // SAFETY: the caller passes NULL or the address of a number.
-        unsafe { id.write(count as u32 - 1) };
-    }
-    Ok(())
 }
 
 /// Places a mesh that lumi_scene_add_mesh has numbered.
 ///
 /// `to_world`: 12 floats: the x, y and z axis and the origin of the mesh in the world, three each;
-/// may mirror. NULL: where it is.
+/// may mirror. NULL: no transform.
 ///
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
@@ -292,20 +281,16 @@ pub unsafe extern "C" fn lumi_scene_add_instance(
     to_world: *const f32,
 ) -> lumi_error {
     guard("lumi_scene_add_instance", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        if mesh as usize >= draft.meshes.len() {
-            return Err(Fault::argument(format!(
-                "there is no mesh {mesh}: there are {}",
-                draft.meshes.len()
-            )));
-        }
-        let to_world = match Input::<f32, 12>::new(to_world, 1, 0, "to_world")? {
-            Some(floats) => describe::transform(&floats.get(0), "to_world")?,
-            None => Affine3A::IDENTITY,
-        };
-        draft.instances.push((mesh, to_world));
-        Ok(())
+        change(scene, |draft| {
+            let count = draft.meshes.len();
+            ensure!((mesh as usize) < count, "there is no mesh {mesh}: there are {count}");
+            let to_world = match Input::<f32, 12>::new(to_world, 1, 0, "to_world")? {
+                Some(floats) => describe::transform(&floats.get(0), "to_world")?,
+                None => Affine3A::IDENTITY,
+            };
+            draft.instances.push((mesh, to_world));
+            Ok(())
+        })
     })
 }
 
@@ -318,9 +303,7 @@ pub unsafe extern "C" fn lumi_scene_add_instance(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_material_init(material: *mut lumi_material_desc) -> lumi_error {
     guard("lumi_material_init", || {
-        if material.is_null() {
-            return Err(Fault::argument("the material is NULL"));
-        }
+        ensure!(!material.is_null(), "the material is NULL");
         // SAFETY: not NULL; the caller passes room for the first version of the struct, which is
         // what is written.
         unsafe { material.write_unaligned(describe::default_material()) };
@@ -340,12 +323,11 @@ pub unsafe extern "C" fn lumi_scene_add_material(
     id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_material", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        let material =
-            describe::material(&read(material, "the material")?, draft.data.textures.len())?;
-        draft.data.materials.push(material);
-        give(id, draft.data.materials.len())
+        change(scene, |draft| {
+            let textures = draft.data.textures.len();
+            let material = describe::material(&read(material, "the material")?, textures)?;
+            add(&mut draft.data.materials, material, id)
+        })
     })
 }
 
@@ -361,10 +343,10 @@ pub unsafe extern "C" fn lumi_scene_add_texture(
     id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_texture", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        draft.data.textures.push(describe::texture(&read(texture, "the texture")?)?);
-        give(id, draft.data.textures.len())
+        change(scene, |draft| {
+            let texture = describe::texture(&read(texture, "the texture")?)?;
+            add(&mut draft.data.textures, texture, id)
+        })
     })
 }
 
@@ -377,19 +359,19 @@ pub unsafe extern "C" fn lumi_scene_add_light(
     light: *const lumi_light_desc,
 ) -> lumi_error {
     guard("lumi_scene_add_light", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        draft.data.punctual.push(describe::light(&read(light, "the light")?)?);
-        Ok(())
+        change(scene, |draft| {
+            draft.data.punctual.push(describe::light(&read(light, "the light")?)?);
+            Ok(())
+        })
     })
 }
 
-/// Sets the light from infinity, an equirectangular map; a map of one pixel is the same from
-/// everywhere.
+/// Sets the light from infinity, an equirectangular map. A map of one pixel is a uniform
+/// environment.
 ///
 /// `rgb`: 3 * width * height floats, row by row from the zenith (+y); copied. NaN and negative
 /// values count as 0. NULL: no environment. `to_map`: 9 floats, the columns of the rotation from
-/// the world to the map; NULL: none, and the middle column of the map is seen along +x, +z to its
+/// the world to the map; NULL: none; the middle column of the map lies along +x then, and +z to its
 /// right.
 ///
 /// Threads: one per scene.
@@ -402,39 +384,14 @@ pub unsafe extern "C" fn lumi_scene_set_environment(
     to_map: *const f32,
 ) -> lumi_error {
     guard("lumi_scene_set_environment", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        if rgb.is_null() {
-            draft.data.environment = None;
-            return Ok(());
-        }
-        let count = width as usize * height as usize;
-        if count == 0 || count > 1 << 28 {
-            return Err(Fault::argument(format!(
-                "an environment of {width} x {height} pixels is not possible"
-            )));
-        }
-        let pixels = Input::<f32, 3>::required(rgb, count, 0, "rgb")?;
-        let rotation = match Input::<f32, 9>::new(to_map, 1, 0, "to_map")? {
-            Some(floats) => Mat3::from_cols_array(&floats.get(0)),
-            None => Mat3::IDENTITY,
-        };
-        let error = (rotation * rotation.transpose() - Mat3::IDENTITY)
-            .to_cols_array()
-            .iter()
-            .fold(0.0_f32, |a, x| a.max(x.abs()));
-        if !rotation.is_finite() || error > 1e-3 {
-            return Err(Fault::argument("to_map is no rotation"));
-        }
-        let pixels = pixels.iter().map(Color::from).collect();
-        let from_world = Affine3A::from_mat3(rotation);
-        draft.data.environment =
-            Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world });
-        Ok(())
+        change(scene, |draft| {
+            draft.data.environment = describe::environment(rgb, width, height, to_map)?;
+            Ok(())
+        })
     })
 }
 
-/// Says that the host keeps geometry and shading; the scene must be empty and stays so.
+/// Says that the host keeps geometry and shading. The scene must be empty and stays empty.
 ///
 /// Threads: one per scene. `host->user` must stay valid until the last cache of the scene is
 /// released.
@@ -444,25 +401,18 @@ pub unsafe extern "C" fn lumi_scene_set_host(
     host: *const lumi_host_desc,
 ) -> lumi_error {
     guard("lumi_scene_set_host", || {
-        let scene = borrow::<SceneObject>(scene)?;
-        let mut draft = scene.draft()?;
-        let data = &draft.data;
-        let empty = data.geometry.meshes.is_empty()
-            && data.materials.is_empty()
-            && data.textures.is_empty()
-            && draft.meshes.is_empty();
-        if !empty || !data.punctual.is_empty() || data.environment.is_some() {
-            return Err(Fault::operation(
-                "the scene has geometry, materials or lights: it is not the host's",
-            ));
-        }
-        draft.host = Some(Host::new(&read(host, "the host")?)?);
-        Ok(())
+        change(scene, |draft| {
+            let dark = draft.data.punctual.is_empty() && draft.data.environment.is_none();
+            let empty = dark && draft.is_bare();
+            state(empty, "the scene has geometry, materials or lights: it is not the host's")?;
+            draft.host = Some(host_of(&read(host, "the host")?)?);
+            Ok(())
+        })
     })
 }
 
-/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure it is as
-/// before. A scene without any light gets a neutral dome, and the log says so.
+/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure the
+/// scene is as before. A scene without any light gets a neutral dome, and the log says so.
 ///
 /// Threads: one per scene; the work is done on the device's threads.
 #[unsafe(no_mangle)]
@@ -472,9 +422,7 @@ pub unsafe extern "C" fn lumi_scene_commit(scene: lumi_scene) -> lumi_error {
 
 fn c_text<const N: usize>(text: &str) -> [c_char; N] {
     let mut out = [0; N];
-    for (to, from) in out[..N - 1].iter_mut().zip(text.bytes()) {
-        *to = from as c_char;
-    }
+    copy_text(text, &mut out[..N - 1]);
     out
 }
 
@@ -509,7 +457,7 @@ pub unsafe extern "C" fn lumi_scene_get_info(
     })
 }
 
-/// Traces rays into a scene of our own and says what they hit first.
+/// Traces rays into a scene that the library keeps, and gives their first hits.
 ///
 /// Threads: any; the work is done on the calling thread.
 #[unsafe(no_mangle)]
@@ -518,9 +466,8 @@ pub unsafe extern "C" fn lumi_scene_trace(
     rays: *const lumi_trace_desc,
 ) -> lumi_error {
     guard("lumi_scene_trace", || {
-        let object: Borrowed<SceneObject> = borrow(scene)?;
-        let desc = read(rays, "the rays")?;
-        let scene = object.own()?;
+        let object = borrow::<SceneObject>(scene)?;
+        let (desc, scene) = (read(rays, "the rays")?, object.own()?);
         let n = desc.n;
         let origins = Input::<f32, 3>::required(desc.origin, n, 0, "origin")?;
         let dirs = Input::<f32, 3>::required(desc.dir, n, 0, "dir")?;
@@ -533,38 +480,19 @@ pub unsafe extern "C" fn lumi_scene_trace(
             let dir = dirs.vector(i);
             let length = dir.length();
             let ray = Ray::new(origins.vector(i), dir / length);
-            let found = scene.intersect(&ray, 0).map(|(mut point, t)| {
+            let mut hit = (f32::INFINITY, [Vec3::ZERO; 4]);
+            if let Some((mut point, t)) = scene.intersect(&ray, 0) {
                 let bsdf = scene.shade(&mut point);
-                let albedo = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
-                (point, t / length, albedo)
-            });
-            let missed: SurfacePoint =
-                surface_point(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
-            let (point, t, color) = found.unwrap_or((missed, f32::INFINITY, Color::ZERO));
-            let n = if t == f32::INFINITY { Vec3::ZERO } else { point.frame.n };
-            if let Some(o) = &mut distance {
-                o.set(i, [t]);
+                let color = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
+                hit = (t / length, [point.position, point.frame.n, point.ng, color]);
             }
-            for (out, value) in [
-                (&mut position, point.position),
-                (&mut normal, n),
-                (&mut geo_normal, point.ng),
-                (&mut albedo, color),
-            ] {
-                if let Some(o) = out {
-                    o.set(i, value.to_array());
-                }
-            }
+            let (t, [at, n, ng, color]) = hit;
+            distance.set(i, [t]);
+            position.set(i, at);
+            normal.set(i, n);
+            geo_normal.set(i, ng);
+            albedo.set(i, color);
         }
         Ok(())
     })
-}
-
-/// The error of a file that cannot be named.
-pub(super) fn path<'a>(at: *const c_char) -> Outcome<&'a Path> {
-    let text = text(at, "path")?;
-    if text.is_empty() {
-        return Err(Error::InvalidArgument("the path is empty".into()).into());
-    }
-    Ok(Path::new(text))
 }

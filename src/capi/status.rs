@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What a function reports: LUMI_OK or one of the LUMI_ERROR_* codes.
 pub type lumi_error = i32;
@@ -15,14 +15,13 @@ pub type lumi_error = i32;
 pub const LUMI_OK: lumi_error = 0;
 /// Something outside the library failed: threads, the ray tracer.
 pub const LUMI_ERROR_UNKNOWN: lumi_error = 1;
-/// An argument is outside its range: NULL, a released handle or one of another kind, a number that
-/// is none.
+/// An argument is outside its range: NULL, a released handle, a handle of another kind, NaN.
 pub const LUMI_ERROR_INVALID_ARGUMENT: lumi_error = 2;
-/// The object is not in a state in which this can be done.
+/// The state of the object does not allow the call.
 pub const LUMI_ERROR_INVALID_OPERATION: lumi_error = 3;
 /// Memory, or room for objects, ran out.
 pub const LUMI_ERROR_OUT_OF_MEMORY: lumi_error = 4;
-/// This version of the library cannot do it.
+/// This version of the library cannot do what was asked.
 pub const LUMI_ERROR_UNSUPPORTED: lumi_error = 5;
 /// The progress callback asked to stop.
 pub const LUMI_ERROR_CANCELLED: lumi_error = 6;
@@ -32,12 +31,11 @@ pub const LUMI_ERROR_IO: lumi_error = 7;
 pub const LUMI_ERROR_CORRUPT_FILE: lumi_error = 8;
 /// A cache file is sound, but was made for another scene or under other settings.
 pub const LUMI_ERROR_STALE_CACHE: lumi_error = 9;
-/// The versions of header and library do not go together, or a struct is shorter than the first
-/// version of it.
+/// The versions of header and library do not match, or a struct is shorter than its first version.
 pub const LUMI_ERROR_VERSION: lumi_error = 10;
-/// The host's callback failed or answered what cannot be.
+/// The host's callback failed or gave an impossible answer.
 pub const LUMI_ERROR_HOST_CALLBACK: lumi_error = 11;
-/// A fault of the library. The object that was worked on can only be released.
+/// A fault of the library. The objects of the call can only be released.
 pub const LUMI_ERROR_INTERNAL: lumi_error = 12;
 
 /// Severity of a log message: for information.
@@ -47,7 +45,7 @@ pub const LUMI_LOG_WARNING: i32 = 1;
 /// Severity of a log message: a function has failed.
 pub const LUMI_LOG_ERROR: i32 = 2;
 
-/// Takes messages. Called on the thread whose call is reported; it must not call the library for
+/// Takes messages, on the thread whose call is reported. The callback must not call the library for
 /// that device.
 pub type lumi_log_fn = Option<
     unsafe extern "C" fn(
@@ -82,6 +80,21 @@ impl Fault {
     }
 }
 
+/// Ends the call with an invalid argument unless the condition holds.
+macro_rules! ensure {
+    ($condition:expr, $($text:tt)*) => {
+        if !$condition {
+            return Err($crate::capi::status::Fault::argument(format!($($text)*)));
+        }
+    };
+}
+pub(super) use ensure;
+
+/// Fails with an invalid operation unless the state of an object `allows` the call.
+pub(super) fn state(allows: bool, otherwise: &str) -> Outcome {
+    if allows { Ok(()) } else { Err(Fault::operation(otherwise)) }
+}
+
 impl From<Error> for Fault {
     fn from(error: Error) -> Self {
         let code = match &error {
@@ -94,29 +107,30 @@ impl From<Error> for Fault {
             }
             Error::Stale { .. } => LUMI_ERROR_STALE_CACHE,
             Error::Host(_) => LUMI_ERROR_HOST_CALLBACK,
-            Error::Device(what) if what.contains("out of memory") => LUMI_ERROR_OUT_OF_MEMORY,
+            Error::OutOfMemory(_) => LUMI_ERROR_OUT_OF_MEMORY,
             Error::Device(_) => LUMI_ERROR_UNKNOWN,
         };
         Self::new(code, error.to_string())
     }
 }
 
+/// Locks `mutex`, also after a panic of another thread.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// The host's log callback.
+#[derive(Default)]
 pub(super) struct Log(Mutex<(lumi_log_fn, usize)>);
 
 impl Log {
-    pub fn new() -> Self {
-        Self(Mutex::new((None, 0)))
-    }
-
     pub fn set(&self, callback: lumi_log_fn, user: *mut c_void) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
-            (callback, user.expose_provenance());
+        *lock(&self.0) = (callback, user.expose_provenance());
     }
 
     /// Hands a message to the host, if it listens.
     pub fn tell(&self, severity: i32, code: lumi_error, message: &str) {
-        let (callback, user) = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (callback, user) = *lock(&self.0);
         if let Some(callback) = callback {
             let text = c_string(message);
             // SAFETY: the host has given a function of this type and a pointer for it; the text
@@ -129,10 +143,17 @@ impl Log {
 }
 
 /// What a call touches: where its failure is told, and what a panic spoils.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Touched {
     pub log: Arc<Log>,
     pub broken: Arc<AtomicBool>,
+}
+
+impl Touched {
+    /// That of an object that tells its failures where this one does.
+    pub fn child(&self) -> Self {
+        Self { log: self.log.clone(), broken: Arc::default() }
+    }
 }
 
 #[derive(Default)]
@@ -202,13 +223,13 @@ pub(super) fn guard_void(name: &'static str, inside: impl FnOnce() -> Outcome) {
     guard(name, inside);
 }
 
-/// The code of the first failed call on this thread since the last call of this function, LUMI_OK
-/// without one; then it is forgotten.
+/// The code of the first failed call on this thread since the last call of this function; LUMI_OK
+/// without a failure. The library forgets the failure then.
 ///
 /// `message`: receives a text that says what failed and why, "" without a failure; it lives until
 /// the thread calls this function again or ends. May be NULL.
 ///
-/// Threads: any. Every thread has errors of its own.
+/// Threads: any. Every thread has its own errors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_get_last_error(message: *mut *const c_char) -> lumi_error {
     let mut code = LUMI_OK;
@@ -261,8 +282,8 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_an_error_and_spoils_what_it_touched() {
-        let touched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
-        let untouched = Touched { log: Arc::new(Log::new()), broken: Arc::default() };
+        let touched = Touched::default();
+        let untouched = Touched::default();
         touch(untouched.clone());
         let code = guard("lumi_a", || {
             touch(touched.clone());

@@ -1,8 +1,8 @@
 //! The arguments.
 
-use super::sequence::Frames;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lumicache::accel::Backend;
+use lumicache::render::Frames;
 use std::path::PathBuf;
 
 /// Global illumination by irradiance caching: glTF in, multi-layer OpenEXR out.

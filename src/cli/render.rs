@@ -1,264 +1,257 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
-use super::terminal::{Bar, cancel_on_interrupt};
-use super::{Outcome, sequence};
+use super::tables::tables;
+use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, CacheFile, Origin, Preset, Scheme};
-use lumicache::camera::{Camera, Motion};
+use lumicache::cache::{Preset, Scheme};
 use lumicache::error::{Error, Result};
 use lumicache::film::Film;
 use lumicache::fsutil;
-use lumicache::geometry::Aabb;
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
-use lumicache::render::{
-    self, Clock, Facts, Frame, IntegratorKind, Selection, Settings,
-    display::{Display, Tile},
-};
+use lumicache::render::viewer::{Display, Tile};
+use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
 use lumicache::scene::Scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-/// Samples per pixel at quality 1.
-const SPP: f32 = 16.0;
-/// Relative standard error at quality 1 above which a pixel gets more samples.
-const NOISE: f32 = 0.04;
-
-pub fn run(arguments: &Render) -> Result<Outcome> {
+pub fn run(arguments: &Render) -> Result<()> {
     // Everything that can be known to be wrong is found before the work starts.
-    let scheme = scheme(arguments)?;
-    let selection = Selection::parse(&arguments.aov)?;
-    let options = import_options(arguments);
-    let sky = arguments.sky.as_deref().map(Sky::parse).transpose()?;
-    let sky = sky
-        .map(|s| import::sky(&s, options.light_units, arguments.env_rotate, arguments.env_scale))
-        .transpose()?;
-    let backend: Backend = arguments.backend.parse()?;
-    let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-    let numbered = |path: &PathBuf| match &arguments.frames {
-        Some(frames) => sequence::numbered(path, frames.first),
-        None => Ok(path.clone()),
-    };
-    let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten().map(numbered);
-    let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned().map(Ok);
-    let outputs: Vec<PathBuf> = pictures.chain(others).collect::<Result<_>>()?;
-    outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
-    fsutil::check_distinct(&arguments.scene, &outputs)?;
-    if matches!(arguments.integrator, IntegratorName::Path)
-        && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
-    {
-        return Err(Error::InvalidArgument(
-            "--cache-load and --cache-save need --integrator cache: a path tracer has no records"
-                .into(),
-        ));
-    }
-    let pool = threads(arguments.threads)?;
-
-    let progress = Arc::new(Progress::default());
-    cancel_on_interrupt(&progress);
-    let bar = Bar::new(&progress, arguments.quiet);
-    let mut clock = Clock::default();
-    let outcome = pool.install(|| {
-        let inputs = Inputs { scheme, options, sky, backend };
-        job(arguments, inputs, &selection, &output, &progress, &mut clock)
-    });
-    drop(bar);
-    let (frame_cancelled, warnings) = outcome?;
+    let request = Request::new(arguments)?;
+    let threads = thread_count(arguments.threads)?;
+    let end = on_threads(threads, arguments.quiet, |progress| request.render(progress))?;
     if !arguments.quiet {
-        warnings.iter().for_each(|w| eprintln!("lumicache: warning: {w}"));
+        print(end.table.as_bytes())?;
+        end.warnings.iter().for_each(|w| eprintln!("lumicache: warning: {w}"));
     }
-    Ok(if frame_cancelled { Outcome::Cancelled } else { Outcome::Done })
+    if end.cancelled { Err(Error::Cancelled) } else { Ok(()) }
 }
 
-/// What the arguments say about the scene and how to render it.
-struct Inputs {
+/// What the arguments ask for.
+struct Request<'a> {
+    arguments: &'a Render,
     scheme: Scheme,
+    layers: Selection,
     options: ImportOptions,
     sky: Option<(EnvironmentMap, Option<PunctualLight>)>,
     backend: Backend,
+    output: PathBuf,
+    size: Option<[u32; 2]>,
+    window: Option<[u32; 4]>,
 }
 
-/// A run under way: what all its frames have in common.
-pub struct Job<'a> {
-    pub arguments: &'a Render,
-    pub scene: Scene,
-    pub settings: Settings,
-    /// How the camera moves, if it does.
-    pub motion: Option<Motion>,
-    pub selection: &'a Selection,
-    pub progress: &'a Progress,
-    pub warnings: Vec<String>,
-    scene_hash: String,
-    origin: Origin,
+/// How a render ended, and what to tell the user.
+#[derive(Default)]
+struct End {
+    cancelled: bool,
+    warnings: Vec<String>,
+    table: String,
 }
 
-/// The run itself; returns whether it was cancelled, and the warnings.
-fn job(
-    arguments: &Render,
-    inputs: Inputs,
-    selection: &Selection,
-    output: &Path,
-    progress: &Progress,
-    clock: &mut Clock,
-) -> Result<(bool, Vec<String>)> {
-    let mut job = load(arguments, inputs, selection, progress, clock)?;
-    let before = loaded(arguments, &job.settings.scheme, &job.origin)?;
-    let cancelled = match &arguments.frames {
-        Some(frames) => sequence::run(&mut job, frames, before, output, clock)?,
-        None => single(&mut job, before, output, clock)?,
-    };
-    Ok((cancelled, job.warnings))
-}
-
-/// Reads the scene and builds it.
-fn load<'a>(
-    arguments: &'a Render,
-    inputs: Inputs,
-    selection: &'a Selection,
-    progress: &'a Progress,
-    clock: &mut Clock,
-) -> Result<Job<'a>> {
-    clock.start(Phase::Load);
-    progress.start(Phase::Load, 0);
-    let Inputs { scheme, options, sky, backend } = inputs;
-    let mut data = import::gltf(&arguments.scene, &options)?;
-    if let Some((environment, sun)) = sky {
-        data.environment = Some(environment);
-        data.punctual.extend(sun);
+impl<'a> Request<'a> {
+    fn new(arguments: &'a Render) -> Result<Self> {
+        let scheme = scheme(arguments)?;
+        let layers = Selection::parse(&arguments.aov)?;
+        let light_units = match arguments.light_units {
+            LightUnitsName::Photometric => LightUnits::Photometric,
+            LightUnitsName::Radiometric => LightUnits::Radiometric,
+        };
+        let sky = arguments.sky.as_deref().map(Sky::parse).transpose()?;
+        let sky = sky
+            .map(|s| import::sky(&s, light_units, arguments.env_rotate, arguments.env_scale))
+            .transpose()?;
+        let backend: Backend = arguments.backend.parse()?;
+        let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
+        let numbered = |path: &PathBuf| match &arguments.frames {
+            Some(frames) => frame_path(path, frames.first),
+            None => Ok(path.clone()),
+        };
+        let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten();
+        let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned();
+        let outputs: Vec<PathBuf> =
+            pictures.map(numbered).chain(others.map(Ok)).collect::<Result<_>>()?;
+        outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
+        fsutil::check_distinct(&arguments.scene, &outputs)?;
+        if matches!(arguments.integrator, IntegratorName::Path)
+            && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
+        {
+            return Err(Error::InvalidArgument(
+                "--cache-load and --cache-save need --integrator cache: a path tracer has no records"
+                    .into(),
+            ));
+        }
+        if arguments.spp.is_some_and(|n| !Job::SPP.contains(&n)) {
+            return Err(Error::InvalidArgument("--spp must be between 1 and 1048576".into()));
+        }
+        Ok(Self {
+            arguments,
+            scheme,
+            layers,
+            options: ImportOptions { light_units, ..ImportOptions::default() },
+            sky,
+            backend,
+            output,
+            size: arguments.size.as_deref().map(parse_size).transpose()?,
+            window: arguments.crop.as_deref().map(parse_window).transpose()?,
+        })
     }
-    if let Some(map) = &arguments.env {
-        data.environment =
-            Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
-    }
-    for material in &mut data.materials {
-        material.multiple_scattering = arguments.multiple_scattering;
-    }
-    let number = camera_number(&data.cameras, arguments.camera.as_deref(), &arguments.scene)?;
-    let motion = number.and_then(|i| data.motions.get_mut(i)?.take());
-    let (scene_hash, hashes) = (data.hash(), data.hashes());
-    clock.start(Phase::Build);
-    progress.start(Phase::Build, 0);
-    let (scene, warnings) = Scene::new(data, backend)?;
-    let camera =
-        camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
-    let settings = settings(arguments, scheme, camera)?;
-    let origin = Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size());
-    Ok(Job {
-        arguments,
-        scene,
-        settings,
-        motion,
-        selection,
-        progress,
-        warnings,
-        scene_hash,
-        origin,
-    })
-}
 
-/// Renders one picture; true if it was cancelled.
-fn single(job: &mut Job, before: Option<Cache>, output: &Path, clock: &mut Clock) -> Result<bool> {
-    let arguments = job.arguments;
-    let mut viewer = Viewer::connect(arguments, output, job.settings.window)?;
-    let (scheme, max_bounces) = (&job.settings.scheme, job.settings.max_bounces);
-    let before =
-        before.map(|cache| render::Caches::new(&job.scene, scheme, max_bounces, Some(cache)));
-    let frame = render::frame_with(
-        &job.scene,
-        &job.settings,
-        before,
-        job.progress,
-        clock,
-        &mut |area, film| {
-            viewer.show(area, film);
-        },
-    )?;
-    job.warnings.extend(viewer.lost);
-    clock.start(Phase::Write);
-    job.progress.start(Phase::Write, 0);
-    job.write(&frame, &job.settings, output, arguments.preview.as_deref(), clock)?;
-    job.save(frame.cache.as_ref().filter(|_| !frame.cancelled))?;
-    clock.stop();
-    if let Some(path) = &arguments.stats {
-        write_stats(
-            path,
-            &render::stats(&job.scene, &job.settings, &frame, clock, rayon::current_num_threads()),
-        )?;
-    }
-    Ok(frame.cancelled)
-}
-
-pub fn write_stats(path: &Path, stats: &Value) -> Result<()> {
-    fsutil::write_atomically(path, format!("{stats:#}\n").as_bytes())
-}
-
-impl Job<'_> {
-    /// Writes the picture of a frame, and its preview.
-    pub fn write(
-        &self,
-        frame: &Frame,
-        settings: &Settings,
-        output: &Path,
-        preview: Option<&Path>,
-        clock: &Clock,
-    ) -> Result<()> {
+    /// Reads the scene, renders, and writes.
+    fn render(self, progress: &Progress) -> Result<End> {
+        let mut clock = Clock::default();
+        let (scene, mut warnings) = self.scene(&mut clock, progress)?;
         let arguments = self.arguments;
-        if arguments.prepass_only {
+        let mut viewer = Viewer::default();
+        let job = self.job(&scene)?.progress(progress).clock(clock);
+        viewer.connect(arguments, &self.output, job.settings()?.window)?;
+        let (cancelled, table) = match &arguments.frames {
+            None => {
+                let job = job.watcher(|area, film| viewer.show(area, film));
+                (self.picture(job, progress)?, String::new())
+            }
+            Some(frames) => {
+                let cameras =
+                    job.cameras(*frames, arguments.fps).map_err(in_file(&arguments.scene))?;
+                let job = job.watcher(|area, film| viewer.show(area, film));
+                let write = |number: u32, picture: &Picture| {
+                    let preview = arguments.preview.as_ref().map(|p| frame_path(p, number));
+                    let output = frame_path(&self.output, number)?;
+                    self.write(picture, &output, preview.transpose()?.as_deref())
+                };
+                let sequence = match job.run_sequence(&cameras, write) {
+                    Err(Error::Cancelled) => {
+                        return Ok(End { cancelled: true, warnings, ..End::default() });
+                    }
+                    sequence => sequence?,
+                };
+                self.save(&sequence.last)?;
+                self.write_stats(|| sequence.stats())?;
+                (sequence.last.frame.cancelled, table(&sequence.costs))
+            }
+        };
+        warnings.extend(viewer.lost);
+        Ok(End { cancelled, warnings, table })
+    }
+
+    fn scene(&self, clock: &mut Clock, progress: &Progress) -> Result<(Scene, Vec<String>)> {
+        clock.start(Phase::Load);
+        progress.start(Phase::Load, 0);
+        let arguments = self.arguments;
+        let mut data = import::gltf(&arguments.scene, &self.options)?;
+        if let Some((environment, sun)) = &self.sky {
+            data.environment = Some(environment.clone());
+            data.punctual.extend(sun.clone());
+        }
+        if let Some(map) = &arguments.env {
+            data.environment =
+                Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
+        }
+        for material in &mut data.materials {
+            material.multiple_scattering = arguments.multiple_scattering;
+        }
+        clock.start(Phase::Build);
+        progress.start(Phase::Build, 0);
+        let (scene, warnings) = Scene::new(data, self.backend)?;
+        let scene = (scene.with_tables(tables()), warnings);
+        clock.stop();
+        Ok(scene)
+    }
+
+    fn job<'s>(&self, scene: &'s Scene) -> Result<Job<'s>> {
+        let arguments = self.arguments;
+        let integrator = match arguments.integrator {
+            IntegratorName::Cache => IntegratorKind::Cache,
+            IntegratorName::Path => IntegratorKind::Path,
+            IntegratorName::Bdpt => IntegratorKind::Bdpt,
+        };
+        let mut job = Job::new(scene)
+            .scheme(self.scheme.clone())
+            .quality(arguments.quality)
+            .integrator(integrator)
+            .max_bounces(arguments.max_bounces.unwrap_or(u32::MAX))
+            .seed(arguments.seed)
+            .prepass_only(arguments.prepass_only)
+            .cache_files(&arguments.cache_load, arguments.cache_reuse)
+            .layers(self.layers.clone())
+            .exposure(arguments.exposure)
+            .show_records(arguments.show_records);
+        if let Some(camera) = &arguments.camera {
+            job = job.camera_named(camera).map_err(in_file(&arguments.scene))?;
+        }
+        if let Some([columns, rows]) = self.size {
+            job = job.size(columns, rows);
+        }
+        if let Some(window) = self.window {
+            job = job.crop(window);
+        }
+        if let Some(spp) = arguments.spp {
+            job = job.spp(spp);
+        }
+        Ok(job)
+    }
+
+    /// Renders one picture; true if the work was cancelled.
+    fn picture(&self, job: Job, progress: &Progress) -> Result<bool> {
+        let mut picture = job.run()?;
+        picture.clock.start(Phase::Write);
+        progress.start(Phase::Write, 0);
+        self.write(&picture, &self.output, self.arguments.preview.as_deref())?;
+        self.save(&picture)?;
+        picture.clock.stop();
+        self.write_stats(|| picture.stats())?;
+        Ok(picture.frame.cancelled)
+    }
+
+    fn write(&self, picture: &Picture, output: &Path, preview: Option<&Path>) -> Result<()> {
+        if self.arguments.prepass_only {
             return Ok(());
         }
-        let facts = Facts {
-            seconds: clock.total_seconds(),
-            scene_hash: self.scene_hash.clone(),
-            backend: self.scene.accel().version(),
-            show_records: arguments.show_records,
-        };
-        render::write_exr(output, frame, settings, self.selection, &facts)?;
-        if let Some(preview) = preview {
-            render::write_preview(
-                preview,
-                frame,
-                settings,
-                arguments.exposure,
-                arguments.show_records,
-            )?;
-        }
-        Ok(())
+        picture.write_exr(output)?;
+        preview.map_or(Ok(()), |preview| picture.write_preview(preview))
     }
 
-    /// Saves the records, if the user wants them and there are any.
-    pub fn save(&self, cache: Option<&Cache>) -> Result<()> {
-        match (&self.arguments.cache_save, cache) {
-            (Some(path), Some(cache)) => CacheFile::new(cache, self.origin.clone()).write(path),
-            _ => Ok(()),
-        }
+    /// Saves the records, if the user wants them and all are there.
+    fn save(&self, picture: &Picture) -> Result<()> {
+        let path = self.arguments.cache_save.as_ref().filter(|_| !picture.frame.cancelled);
+        path.map_or(Ok(()), |path| picture.write_cache(path))
+    }
+
+    fn write_stats(&self, stats: impl Fn() -> Value) -> Result<()> {
+        let write =
+            |path: &PathBuf| fsutil::write_atomically(path, format!("{:#}\n", stats()).as_bytes());
+        self.arguments.stats.as_ref().map_or(Ok(()), write)
     }
 }
 
 /// Shows finished tiles in a tev viewer, if there is one.
-pub struct Viewer {
+#[derive(Default)]
+struct Viewer {
     display: Option<Display>,
     /// What to tell the user if the viewer went away.
-    pub lost: Option<String>,
+    lost: Option<String>,
 }
 
 impl Viewer {
     /// Connects to the viewer that the arguments name, if they name one.
-    pub fn connect(arguments: &Render, output: &Path, [x0, y0, x1, y1]: [u32; 4]) -> Result<Self> {
-        let connect = |address: &String| {
-            Display::connect(address, &title(output), x1 - x0, y1 - y0, &["R", "G", "B"])
-        };
-        Ok(Self {
-            display: arguments.display_server.as_ref().map(connect).transpose()?,
-            lost: None,
-        })
+    fn connect(
+        &mut self,
+        arguments: &Render,
+        output: &Path,
+        [x0, y0, x1, y1]: [u32; 4],
+    ) -> Result<()> {
+        if let Some(address) = &arguments.display_server {
+            let title = output.file_name().unwrap_or("lumicache".as_ref()).to_string_lossy();
+            let display = Display::connect(address, &title, x1 - x0, y1 - y0, &["R", "G", "B"])?;
+            self.display = Some(display);
+        }
+        Ok(())
     }
 
     /// Shows an area of the film.
-    pub fn show(&mut self, [x0, y0, x1, y1]: [u32; 4], film: &Film) {
-        if let Some(display) = &mut self.display {
+    fn show(&mut self, [x0, y0, x1, y1]: [u32; 4], film: &Film) {
+        if let Some(display) = &self.display {
             let data: Vec<f32> =
                 film.area([x0, y0, x1, y1]).iter().flat_map(|c| c.to_array()).collect();
             let tile = Tile { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
@@ -267,26 +260,21 @@ impl Viewer {
     }
 }
 
-/// The cache of the files that the user wants to begin with, if any.
-fn loaded(arguments: &Render, scheme: &Scheme, origin: &Origin) -> Result<Option<Cache>> {
-    let Some((first, others)) = arguments.cache_load.split_first() else { return Ok(None) };
-    let mut all = CacheFile::read(first)?;
-    for path in others {
-        all.merge(CacheFile::read(path)?, arguments.cache_reuse, path)?;
-    }
-    all.into_cache(scheme.clone(), origin, arguments.cache_reuse, first).map(Some)
-}
-
-pub fn import_options(arguments: &Render) -> ImportOptions {
-    let light_units = match arguments.light_units {
-        LightUnitsName::Photometric => LightUnits::Photometric,
-        LightUnitsName::Radiometric => LightUnits::Radiometric,
+/// The frames of a sequence as a table.
+fn table(costs: &[FrameCost]) -> String {
+    let head = format!(
+        "{:>7}{:>13}{:>12}{:>10}{:>10}\n",
+        "frame", "new records", "radiance", "fill s", "render s"
+    );
+    let row = |cost: &FrameCost| {
+        let (growth, [render, _]) = (&cost.growth, cost.render_seconds);
+        let records = growth.levels.iter().sum::<usize>();
+        format!(
+            "{:>7}{records:>13}{:>12}{:>10.3}{render:>10.3}\n",
+            cost.number, growth.radiance, growth.seconds
+        )
     };
-    ImportOptions { light_units, ..ImportOptions::default() }
-}
-
-fn title(output: &Path) -> String {
-    output.file_name().map_or_else(|| "lumicache".to_owned(), |n| n.to_string_lossy().into_owned())
+    head + &costs.iter().map(row).collect::<String>()
 }
 
 fn default_output(scene: &Path) -> PathBuf {
@@ -294,17 +282,6 @@ fn default_output(scene: &Path) -> PathBuf {
     let mut name = scene.file_stem().unwrap_or_default().to_owned();
     name.push(".exr");
     name.into()
-}
-
-pub fn threads(count: Option<usize>) -> Result<rayon::ThreadPool> {
-    if count == Some(0) || count.is_some_and(|n| n > 4096) {
-        return Err(Error::InvalidArgument("--threads must be between 1 and 4096".into()));
-    }
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(count.unwrap_or(0))
-        .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())
-        .build()
-        .map_err(|e| Error::Device(format!("threads could not be started: {e}")))
 }
 
 fn scheme(arguments: &Render) -> Result<Scheme> {
@@ -338,83 +315,6 @@ pub fn pair(text: &str) -> Result<(String, String)> {
         .split_once('=')
         .ok_or_else(|| Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE")))?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
-}
-
-/// The camera called `wanted`, or with that number; the first without one, and one that frames the
-/// scene where the file has none.
-pub fn camera(
-    cameras: &[Camera],
-    bounds: &Aabb,
-    wanted: Option<&str>,
-    file: &Path,
-) -> Result<Camera> {
-    let number = camera_number(cameras, wanted, file)?;
-    Ok(number.map_or_else(|| import::default_camera(bounds), |i| cameras[i].clone()))
-}
-
-/// The number of the camera that [`camera`] takes, if the file has it.
-fn camera_number(cameras: &[Camera], wanted: Option<&str>, file: &Path) -> Result<Option<usize>> {
-    let Some(wanted) = wanted else { return Ok((!cameras.is_empty()).then_some(0)) };
-    let by_name = cameras.iter().position(|c| c.name == wanted);
-    let by_number = || wanted.parse::<usize>().ok().filter(|i| *i < cameras.len());
-    by_name.or_else(by_number).map(Some).ok_or_else(|| {
-        let names: Vec<_> =
-            cameras.iter().enumerate().map(|(i, c)| format!("{i} `{}`", c.name)).collect();
-        let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        Error::InvalidArgument(format!(
-            "{}: there is no camera `{wanted}`; the cameras are {known}",
-            file.display()
-        ))
-    })
-}
-
-fn settings(arguments: &Render, scheme: Scheme, camera: Camera) -> Result<Settings> {
-    let size = match &arguments.size {
-        Some(text) => parse_size(text)?,
-        None => {
-            let aspect = camera.aspect.unwrap_or(16.0 / 9.0).clamp(0.05, 20.0);
-            [(720.0 * aspect).round().max(1.0) as u32, 720]
-        }
-    };
-    let window = match &arguments.crop {
-        Some(text) => parse_window(text)?,
-        None => [0, 0, size[0], size[1]],
-    };
-    let spp = arguments.spp.unwrap_or_else(|| (SPP * arguments.quality).round().max(1.0) as u32);
-    if !(1..=1 << 20).contains(&spp) {
-        return Err(Error::InvalidArgument("--spp must be between 1 and 1048576".into()));
-    }
-    let integrator = match arguments.integrator {
-        IntegratorName::Cache => IntegratorKind::Cache,
-        IntegratorName::Path => IntegratorKind::Path,
-        IntegratorName::Bdpt => IntegratorKind::Bdpt,
-    };
-    // Who names a number of samples, and who renders a reference, gets the same for every pixel.
-    let uniform = arguments.spp.is_some() || integrator != IntegratorKind::Cache;
-    Ok(Settings {
-        integrator,
-        scheme,
-        camera,
-        size,
-        window,
-        spp,
-        noise: if uniform { 0.0 } else { NOISE / arguments.quality.sqrt() },
-        max_bounces: arguments.max_bounces.unwrap_or(u32::MAX),
-        seed: arguments.seed,
-        prepass_only: arguments.prepass_only,
-    })
-}
-
-pub fn parse_size(text: &str) -> Result<[u32; 2]> {
-    let parse = || {
-        let (w, h) = text.split_once(['x', 'X'])?;
-        Some([w.parse().ok()?, h.parse().ok()?])
-    };
-    parse().filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0)).ok_or_else(|| {
-        Error::InvalidArgument(format!(
-            "--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480"
-        ))
-    })
 }
 
 fn parse_window(text: &str) -> Result<[u32; 4]> {

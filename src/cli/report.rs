@@ -1,71 +1,57 @@
 //! `lumicache report`.
 
-use super::Outcome;
 use super::args::Report;
-use super::render::{camera, pair, parse_size, threads};
-use super::show::print;
-use super::terminal::{Bar, cancel_on_interrupt};
+use super::render::pair;
+use super::tables::tables;
+use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
 use lumicache::accel::Backend;
-use lumicache::bench::report::{self, Plan, variant};
-use lumicache::cache::Preset;
+use lumicache::bench::experiment::{self, Plan, variant};
+use lumicache::bench::report;
 use lumicache::error::{Error, Result};
 use lumicache::import::{self, ImportOptions};
 use lumicache::progress::Progress;
-use lumicache::render::{IntegratorKind, Settings};
+use lumicache::render::Job;
 use lumicache::scene::Scene;
-use std::sync::Arc;
 
 /// Rows of the picture without `--size`.
-const ROWS: f32 = 180.0;
+const ROWS: u32 = 180;
 
-pub fn run(arguments: &Report) -> Result<Outcome> {
+pub fn run(arguments: &Report) -> Result<()> {
     let plan = plan(arguments)?;
+    let size = arguments.size.as_deref().map(parse_size).transpose()?;
     std::fs::create_dir_all(&arguments.output).map_err(Error::io(&arguments.output))?;
-    let pool = threads(arguments.threads)?;
-    let progress = Arc::new(Progress::default());
-    cancel_on_interrupt(&progress);
-    let bar = Bar::new(&progress, arguments.quiet);
-    let outcome = pool.install(|| job(arguments, &plan, &progress));
-    drop(bar);
-    match outcome {
-        Err(Error::Cancelled) => Ok(Outcome::Cancelled),
-        Err(error) => Err(error),
-        Ok(report) => {
-            print(report.text().as_bytes())?;
-            Ok(Outcome::Done)
-        }
-    }
+    let threads = thread_count(arguments.threads)?;
+    let report =
+        on_threads(threads, arguments.quiet, |progress| compare(arguments, &plan, size, progress))?;
+    print(report.text().as_bytes())
 }
 
-fn job(arguments: &Report, plan: &Plan, progress: &Progress) -> Result<report::Report> {
+fn compare(
+    arguments: &Report,
+    plan: &Plan,
+    size: Option<[u32; 2]>,
+    progress: &Progress,
+) -> Result<report::Report> {
     let mut data = import::gltf(&arguments.scene, &ImportOptions::default())?;
     if let Some(map) = &arguments.env {
         data.environment = Some(import::environment(map, 0.0, 1.0)?);
     }
     let (scene, _) = Scene::new(data, Backend::default())?;
-    let camera =
-        camera(scene.cameras(), &scene.bounds(), arguments.camera.as_deref(), &arguments.scene)?;
-    let size = match &arguments.size {
-        Some(text) => parse_size(text)?,
-        None => [
-            (ROWS * camera.aspect.unwrap_or(16.0 / 9.0).clamp(0.05, 20.0)).round().max(1.0) as u32,
-            ROWS as u32,
-        ],
-    };
-    let settings = Settings {
-        integrator: IntegratorKind::Cache,
-        scheme: Preset::by_name("auto")?.scheme(),
-        camera,
-        size,
-        window: [0, 0, size[0], size[1]],
-        spp: 1,
-        noise: 0.0,
-        max_bounces: arguments.max_bounces.unwrap_or(u32::MAX),
-        seed: arguments.seed,
-        prepass_only: true,
-    };
+    let scene = scene.with_tables(tables());
+    let mut job = Job::new(&scene)
+        .rows(ROWS)
+        .spp(1)
+        .max_bounces(arguments.max_bounces.unwrap_or(u32::MAX))
+        .seed(arguments.seed)
+        .prepass_only(true);
+    if let Some(camera) = &arguments.camera {
+        job = job.camera_named(camera).map_err(in_file(&arguments.scene))?;
+    }
+    if let Some([columns, rows]) = size {
+        job = job.size(columns, rows);
+    }
     let title = arguments.scene.file_stem().unwrap_or_default().to_string_lossy();
-    report::run(&scene, &settings, plan, &title, &arguments.output, progress)
+    experiment::run(&scene, &job.settings()?, plan, &title, &arguments.output, progress)
 }
 
 fn plan(arguments: &Report) -> Result<Plan> {

@@ -1,15 +1,78 @@
-//! The progress bar and Ctrl-C.
+//! What the commands share: printing, threads behind a progress bar, Ctrl-C, and some arguments.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use lumicache::error::{Error, Result};
 use lumicache::progress::{Phase, Progress};
-use std::io::IsTerminal;
+use lumicache::render::workers;
+use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+/// Prints `text`; a reader that stops listening early is no failure.
+pub fn print(text: &[u8]) -> Result<()> {
+    match std::io::stdout().lock().write_all(text) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::io(Path::new("standard output"))(e))
+        }
+        _ => Ok(()),
+    }
+}
+
+pub fn print_line(text: &str) -> Result<()> {
+    print(format!("{text}\n").as_bytes())
+}
+
+/// Names `file` in a fault that does not know whose fault it is.
+pub fn in_file(file: &Path) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::InvalidArgument(what) => {
+            Error::InvalidArgument(format!("{}: {what}", file.display()))
+        }
+        other => other,
+    }
+}
+
+/// The value of `--threads`, 0 without one.
+pub fn thread_count(threads: Option<usize>) -> Result<usize> {
+    match threads {
+        None => Ok(0),
+        Some(n) if (1..=4096).contains(&n) => Ok(n),
+        Some(_) => Err(Error::InvalidArgument("--threads must be between 1 and 4096".into())),
+    }
+}
+
+/// The value of `--size`.
+pub fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let parse = || {
+        let (w, h) = text.split_once(['x', 'X'])?;
+        Some([w.parse().ok()?, h.parse().ok()?])
+    };
+    parse().filter(|s: &[u32; 2]| s.iter().all(|&n| n > 0)).ok_or_else(|| {
+        Error::InvalidArgument(format!(
+            "--size {text}: expected WIDTHxHEIGHT in pixels, such as 640x480"
+        ))
+    })
+}
+
+/// Does long `work` on `threads` threads (0: all processors) behind a progress bar, which the first
+/// Ctrl-C cancels.
+pub fn on_threads<R: Send>(
+    threads: usize,
+    quiet: bool,
+    work: impl FnOnce(&Progress) -> Result<R> + Send,
+) -> Result<R> {
+    let pool = workers(threads)?;
+    let progress = Arc::new(Progress::default());
+    cancel_on_interrupt(&progress);
+    let _bar = Bar::new(&progress, quiet);
+    pool.install(|| work(&progress))
+}
+
 /// Cancels `progress` on the first Ctrl-C; the second one ends the process at once.
-pub fn cancel_on_interrupt(progress: &Arc<Progress>) {
+fn cancel_on_interrupt(progress: &Arc<Progress>) {
     let progress = Arc::clone(progress);
     let installed = ctrlc::set_handler(move || {
         if progress.is_cancelled() {
@@ -22,16 +85,16 @@ pub fn cancel_on_interrupt(progress: &Arc<Progress>) {
     }
 }
 
-/// A bar on standard error that follows a [`Progress`] until it is dropped; nothing where standard
-/// error is no terminal.
-pub struct Bar {
+/// A bar on standard error that follows a [`Progress`] until the bar is dropped; nothing where
+/// standard error is no terminal.
+struct Bar {
     stop: Arc<AtomicBool>,
     watcher: Option<JoinHandle<()>>,
 }
 
 impl Bar {
     /// Starts to follow `progress`.
-    pub fn new(progress: &Arc<Progress>, quiet: bool) -> Self {
+    fn new(progress: &Arc<Progress>, quiet: bool) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let shown = !quiet && std::io::stderr().is_terminal();
         let watcher = shown.then(|| {

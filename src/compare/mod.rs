@@ -3,15 +3,14 @@
 pub mod flip;
 
 use crate::error::{Error, Result};
-use crate::imagefile::exr::{self, Layers};
 use crate::imagefile::ldr::{encode_srgb, write_png};
+use crate::imagefile::{Picture, exr};
 use crate::math::Color;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Keeps relative errors of dark pixels finite: relMSE's and MAPE's denominators are increased by
-/// it.
+/// Added to the denominators of relMSE and MAPE, which keeps relative errors of dark pixels finite.
 const EPSILON: f64 = 0.01;
 
 /// What to compare.
@@ -103,7 +102,7 @@ impl Comparison {
 /// # Errors
 /// [`Error::InvalidArgument`] when the sizes differ, a channel is missing, no pixel is left, or
 /// compared values are NaN or infinite (with their number and the first one's place).
-pub fn compare(image: &Layers, reference: &Layers, options: &Options) -> Result<Report> {
+pub fn compare(image: &Picture, reference: &Picture, options: &Options) -> Result<Report> {
     compare_pixels(image, reference, options).map(|c| c.report)
 }
 
@@ -111,7 +110,11 @@ pub fn compare(image: &Layers, reference: &Layers, options: &Options) -> Result<
 ///
 /// # Errors
 /// As for [`compare`].
-pub fn compare_pixels(image: &Layers, reference: &Layers, options: &Options) -> Result<Comparison> {
+pub fn compare_pixels(
+    image: &Picture,
+    reference: &Picture,
+    options: &Options,
+) -> Result<Comparison> {
     measure(image, reference, options).map_err(|(side, what)| {
         Error::InvalidArgument(format!(
             "{}: {what}",
@@ -140,33 +143,6 @@ enum Side {
 
 type Measured<T> = std::result::Result<T, (Side, String)>;
 
-/// The three colour planes.
-fn planes<'a>(layers: &'a Layers, options: &Options, side: Side) -> Measured<[&'a [f32]; 3]> {
-    let size = layers.width as usize * layers.height as usize;
-    let plane = |component: &str| {
-        let name = named(options, component);
-        let channel = layers.channel(&name).ok_or_else(|| {
-            let others: Vec<_> = layers.channels.iter().take(24).map(|c| c.name.as_str()).collect();
-            (side, format!("has no channel '{name}', only {}", others.join(", ")))
-        })?;
-        if channel.samples.len() != size {
-            return Err((
-                side,
-                format!("channel '{name}' has {} samples for {size} pixels", channel.samples.len()),
-            ));
-        }
-        Ok(channel.samples.as_slice())
-    };
-    Ok([plane("R")?, plane("G")?, plane("B")?])
-}
-
-fn named(options: &Options, component: &str) -> String {
-    options.channel_prefix.as_ref().map_or_else(
-        || component.to_owned(),
-        |p| format!("{}.{component}", p.trim_end_matches('.')),
-    )
-}
-
 /// The colours of the compared pixels, black elsewhere. Fails where one is not finite.
 fn colors(planes: [&[f32]; 3], compared: &[bool], width: u32, side: Side) -> Measured<Vec<Color>> {
     let [r, g, b] = planes;
@@ -190,7 +166,7 @@ fn colors(planes: [&[f32]; 3], compared: &[bool], width: u32, side: Side) -> Mea
     }
 }
 
-fn measure(image: &Layers, reference: &Layers, options: &Options) -> Measured<Comparison> {
+fn measure(image: &Picture, reference: &Picture, options: &Options) -> Measured<Comparison> {
     let (width, height) = (reference.width, reference.height);
     if (image.width, image.height) != (width, height) {
         return Err((
@@ -207,9 +183,13 @@ fn measure(image: &Layers, reference: &Layers, options: &Options) -> Measured<Co
             "shows another part of the whole picture than the reference".to_owned(),
         ));
     }
-    let (x, r) =
-        (planes(image, options, Side::Image)?, planes(reference, options, Side::Reference)?);
-    let alpha = reference.channel(&named(options, "A")).or_else(|| reference.channel("A"));
+    let prefix = options
+        .channel_prefix
+        .as_ref()
+        .map_or_else(String::new, |p| format!("{}.", p.trim_end_matches('.')));
+    let x = image.planes(&prefix).map_err(|what| (Side::Image, what))?;
+    let r = reference.planes(&prefix).map_err(|what| (Side::Reference, what))?;
+    let alpha = reference.channel(&format!("{prefix}A")).or_else(|| reference.channel("A"));
     let compared: Vec<bool> =
         (0..r[0].len()).map(|i| alpha.is_none_or(|a| a.samples.get(i) != Some(&0.0))).collect();
     let pixels = compared.iter().filter(|&&on| on).count();

@@ -6,257 +6,28 @@
 //! its error, distances to the surroundings and gradients. Local directions are in the frame of the
 //! surface point: z is the shading normal.
 
-mod coefficients;
-mod edge;
-mod estimate;
-mod gradient;
-mod hessian;
+mod strata;
+mod lobe;
+mod probe;
+mod samples;
+mod distances;
+mod irradiance;
+mod mesh;
+mod translation;
+mod harmonics;
 mod hits;
-mod layout;
-mod radiance;
 mod sources;
-mod triangulation;
 
-pub use coefficients::RadianceDerivatives;
-pub use gradient::{Gradient, TranslationalGradient};
-pub use hessian::{Derivatives, Hessian};
+pub use harmonics::{Coefficients, RadianceDerivatives, RadianceGradient};
 pub use hits::StoredHit;
-pub use layout::{Density, Layout};
-pub use radiance::{Coefficients, RadianceGradient};
-pub use sources::{Arrival, DirectLight, LightChoice, PointSources, irradiance_of};
-pub use triangulation::TriangleRadiance;
-
-use crate::geometry::SurfacePoint;
-use crate::math::{Color, Frame, Vec3};
-use serde::{Deserialize, Serialize};
-
-/// What a gather ray met.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum HitKind {
-    /// Nothing: the ray left the scene, or points below the geometric surface it started from.
-    #[default]
-    None,
-    /// A surface that reflects or absorbs.
-    Surface,
-    /// A surface that emits.
-    Emitter,
-    /// The environment.
-    Environment,
-}
-
-/// How a probe finds the change of the radiance that arrives from a hit when the receiver moves. It
-/// is seen from another direction then, which matters where the hit is glossy [Zhao, Sec. 3.8].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum HitChange {
-    /// Not at all: what a hit sends out is the same in all directions.
-    #[default]
-    None,
-    /// The reflection of what was traced from the hit is evaluated again towards receivers a little
-    /// aside.
-    Frozen,
-    /// The same by the derivative of the lobe where the hit is a Phong lobe [Zhao, Eq. 3.45].
-    Analytic,
-    /// The same by the lobes of the hit as harmonics represent them, so far as these are tabulated
-    /// [Zhao, Eq. 3.46-3.47]: as smooth as the record.
-    Harmonics,
-}
-
-/// The rays of one gather, as a structure of arrays in stratum order. The gather fills `dir_local`,
-/// `pdf` and `seed`, the probe the rest.
-#[derive(Clone, Debug, Default)]
-pub struct Bundle {
-    /// Unit directions in the local frame, z > 0.
-    pub dir_local: Vec<Vec3>,
-    /// Density of each direction per steradian.
-    pub pdf: Vec<f32>,
-    /// The density of all directions.
-    pub density: Density,
-    /// Radiance arriving from each direction.
-    pub radiance: Vec<Color>,
-    /// Distance to what each ray hit, infinite where it hit nothing.
-    pub distance: Vec<f32>,
-    /// Unit normal at the hit, world space, facing the point of the gather; zero where there is no
-    /// surface.
-    pub normal: Vec<Vec3>,
-    /// What each ray met.
-    pub kind: Vec<HitKind>,
-    /// Seed of every random choice of the probe.
-    pub seed: u64,
-    /// How the probe is to fill in `change`.
-    pub hit_change: HitChange,
-    /// The change of `radiance` per unit that the receiver moves along each tangent of its frame,
-    /// what lights the hits staying as it is. Empty if the probe was not asked for it or cannot
-    /// tell.
-    pub change: [Vec<Color>; 2],
-    /// Light paths that the probe is asked to join with the point of the gather; 0 for none.
-    pub light_paths: u32,
-    /// What they bring.
-    pub joints: Vec<Joint>,
-}
-
-/// A place on a light path, joined with the point of a gather: a source of indirect light beside
-/// the hits of its rays. The probe weighs it against the rays that could have hit the same place,
-/// and those against it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Joint {
-    /// From the point of the gather, world space.
-    pub offset: Vec3,
-    /// Unit normal there, world space, facing the point of the gather.
-    pub normal: Vec3,
-    /// Irradiance at the point of the gather.
-    pub irradiance: Color,
-    /// The area that the place stands for.
-    pub area: f32,
-}
-
-impl Bundle {
-    /// Number of rays.
-    pub fn len(&self) -> usize {
-        self.dir_local.len()
-    }
-
-    /// True without rays.
-    pub fn is_empty(&self) -> bool {
-        self.dir_local.is_empty()
-    }
-
-    /// Makes room for `n` answers, all of them "nothing".
-    fn reset(&mut self, n: usize) {
-        self.dir_local.clear();
-        self.pdf.clear();
-        self.radiance.clear();
-        self.radiance.resize(n, Color::ZERO);
-        self.distance.clear();
-        self.distance.resize(n, f32::INFINITY);
-        self.normal.clear();
-        self.normal.resize(n, Vec3::ZERO);
-        self.kind.clear();
-        self.kind.resize(n, HitKind::None);
-        self.change.iter_mut().for_each(Vec::clear);
-        self.joints.clear();
-    }
-}
-
-/// Whatever can tell the light arriving at a surface point: our own tracer, a host renderer's
-/// callback, an analytic field in a test.
-pub trait RadianceProbe: Sync {
-    /// Fills `radiance`, `distance`, `normal` and `kind` of every ray of `bundle`, which starts at
-    /// `from`, and `joints` if it knows how to and is asked to.
-    ///
-    /// `level` is the number of bounces between the camera path and `from`: 0 for points seen by
-    /// the camera. Indirect light at the hits may be taken from `deeper`, whose caches are
-    /// finished.
-    fn incoming(&self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle);
-
-    /// Places on the light sources that direct light reaches `from` and its surroundings from;
-    /// `bundle` are the answered rays of the gather there. `None` for a probe that knows of
-    /// indirect light alone.
-    fn lights<'a>(
-        &'a self,
-        _from: &SurfacePoint,
-        _bundle: &Bundle,
-        _choice: LightChoice,
-    ) -> Option<Box<dyn DirectLight + 'a>> {
-        None
-    }
-}
-
-/// Indirect light at hit points, from the finished caches of deeper bounces.
-pub trait Deeper: Sync {
-    /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path;
-    /// `None` where no record is valid.
-    fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
-}
-
-/// No deeper cache.
-pub struct NoDeeper;
-
-impl Deeper for NoDeeper {
-    fn irradiance(&self, _: u8, _: &SurfacePoint) -> Option<Color> {
-        None
-    }
-}
-
-/// The samples of one hemisphere and the estimates made from them.
-///
-/// Estimates weigh sample k by `Ω_k = 1/(N p_k)`, so they hold for any density.
-pub struct HemisphereSamples {
-    frame: Frame,
-    layout: Layout,
-    bundle: Bundle,
-}
-
-impl HemisphereSamples {
-    /// An empty gather; its buffers are reused by every [`HemisphereSamples::gather`].
-    pub fn new(layout: Layout, density: Density) -> Self {
-        Self {
-            frame: Frame::from_normal(Vec3::Z),
-            layout,
-            bundle: Bundle { density, ..Bundle::default() },
-        }
-    }
-
-    /// The same with `count` light paths joined to every gather.
-    #[must_use]
-    pub fn with_light_paths(mut self, count: u32) -> Self {
-        self.bundle.light_paths = count;
-        self
-    }
-
-    /// The same gather that asks how the radiance of hits changes by the method `how`.
-    #[must_use]
-    pub fn with_change(mut self, how: HitChange) -> Self {
-        self.bundle.hit_change = how;
-        self
-    }
-
-    /// The change of the radiance of hits along each tangent, if the probe told it.
-    fn change(&self) -> Option<[&[Color]; 2]> {
-        let [s, t] = &self.bundle.change;
-        (s.len() == self.bundle.len() && t.len() == s.len() && !s.is_empty()).then_some([s, t])
-    }
-
-    /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random
-    /// choice of the probe.
-    pub fn gather(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        at: &SurfacePoint,
-        level: u8,
-        deeper: &dyn Deeper,
-        seed: u64,
-    ) {
-        self.frame = at.frame;
-        self.bundle.reset(self.layout.rays());
-        self.layout.directions(
-            self.bundle.density,
-            seed,
-            &mut self.bundle.dir_local,
-            &mut self.bundle.pdf,
-        );
-        self.bundle.seed = crate::sampling::hash(&[seed, 1]);
-        probe.incoming(at, level, deeper, &mut self.bundle);
-    }
-
-    /// The frame that local directions refer to.
-    pub fn frame(&self) -> &Frame {
-        &self.frame
-    }
-
-    /// The arrangement of the samples.
-    pub fn layout(&self) -> Layout {
-        self.layout
-    }
-
-    /// The samples themselves.
-    pub fn bundle(&self) -> &Bundle {
-        &self.bundle
-    }
-
-    /// Ω_k = 1/(N p_k), the solid angle that sample `k` stands for.
-    #[inline]
-    fn solid_angle(&self, k: usize) -> f32 {
-        1.0 / (self.bundle.len() as f32 * self.bundle.pdf[k])
-    }
-}
+pub use irradiance::Gradient;
+pub use lobe::LobeCoefficients;
+pub use mesh::{Derivatives, Hessian, TriangleRadiance};
+pub use probe::{
+    Arrival, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice, NoDeeper,
+    RadianceProbe, irradiance_of,
+};
+pub use samples::HemisphereSamples;
+pub use sources::PointSources;
+pub use strata::{Density, Layout};
+pub use translation::TranslationalGradient;

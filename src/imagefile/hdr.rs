@@ -1,23 +1,13 @@
 //! Pictures of linear light for environments: Radiance `.hdr` and OpenEXR.
 
-use super::exr::{self, Layers};
+use super::exr;
+use super::picture::{Channel, Picture, SampleKind};
 use crate::error::{Error, Result};
 use crate::math::Color;
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 use std::io::Cursor;
 use std::path::Path;
-
-/// Linear colours.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RgbImage {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Row by row from the top; `width * height` entries, finite and not negative.
-    pub pixels: Vec<Color>,
-}
 
 /// More pixels than this (16384 x 8192) are refused.
 const MAX_PIXELS: u64 = 1 << 27;
@@ -33,10 +23,10 @@ const MAX_PIXELS_PER_BYTE: u64 = 1024;
 /// # Errors
 /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Image`] for damaged files and
 /// for NaN or infinite values, naming the pixel.
-pub fn read_environment(path: &Path) -> Result<RgbImage> {
+pub fn read_environment(path: &Path) -> Result<Picture> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        exr::read_bytes(&bytes).and_then(from_layers)
+        exr::read_bytes(&bytes).and_then(environment_of)
     } else if bytes.starts_with(b"#?") {
         decode_radiance(&bytes)
     } else {
@@ -49,16 +39,7 @@ pub fn read_environment(path: &Path) -> Result<RgbImage> {
     image.and_then(sound).map_err(|what| Error::image(path, what))
 }
 
-/// Reads the Radiance file `path`, as [`read_environment`] does.
-///
-/// # Errors
-/// [`Error::Io`] and [`Error::Image`], both naming the file.
-pub fn read_hdr(path: &Path) -> Result<RgbImage> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    decode_radiance(&bytes).and_then(sound).map_err(|what| Error::image(path, what))
-}
-
-fn decode_radiance(bytes: &[u8]) -> std::result::Result<RgbImage, String> {
+fn decode_radiance(bytes: &[u8]) -> std::result::Result<Picture, String> {
     let broken = |e: image::ImageError| format!("not a readable Radiance file: {e}");
     let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?;
     let (width, height) = decoder.dimensions();
@@ -74,55 +55,53 @@ fn decode_radiance(bytes: &[u8]) -> std::result::Result<RgbImage, String> {
     }
     let mut samples = vec![0f32; pixels as usize * 3];
     decoder.read_image(bytemuck::cast_slice_mut(&mut samples)).map_err(broken)?;
-    let pixels = samples.chunks_exact(3).map(|c| Color::new(c[0], c[1], c[2])).collect();
-    Ok(RgbImage { width, height, pixels })
+    let planes = [0, 1, 2].map(|c| samples.iter().skip(c).step_by(3).copied().collect());
+    Ok(rgb([width, height], planes))
 }
 
-fn from_layers(layers: Layers) -> std::result::Result<RgbImage, String> {
-    if layers.crop.is_some() {
+/// The three planes of `picture` that an environment is made of.
+fn environment_of(picture: Picture) -> std::result::Result<Picture, String> {
+    if picture.crop.is_some() {
         return Err(
             "its data window is not its display window; an environment must be whole".to_owned()
         );
     }
-    let plane = |name: &str| layers.channel(name).map(|c| c.samples.as_slice());
-    let triple = |prefix: &str| {
-        Some([
-            plane(&format!("{prefix}R"))?,
-            plane(&format!("{prefix}G"))?,
-            plane(&format!("{prefix}B"))?,
-        ])
-    };
-    let gray = || plane("Y").map(|y| [y; 3]);
+    let triple = |prefix: &str| picture.planes(prefix).ok();
+    let gray = || picture.channel("Y").map(|y| [y.samples.as_slice(); 3]);
     let layered =
-        || layers.channels.iter().filter_map(|c| c.name.strip_suffix('R')).find_map(triple);
-    let [r, g, b] = triple("").or_else(gray).or_else(layered).ok_or_else(|| {
-        let names: Vec<_> = layers.channels.iter().take(16).map(|c| c.name.as_str()).collect();
-        format!("has no R, G and B channels, only {}", names.join(", "))
-    })?;
-    let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Color::new(r, g, b)).collect();
-    Ok(RgbImage { width: layers.width, height: layers.height, pixels })
+        || picture.channels.iter().filter_map(|c| c.name.strip_suffix('R')).find_map(triple);
+    let planes = triple("")
+        .or_else(gray)
+        .or_else(layered)
+        .ok_or_else(|| format!("has no R, G and B channels, only {}", picture.channel_names()))?;
+    Ok(rgb([picture.width, picture.height], planes.map(<[f32]>::to_vec)))
+}
+
+fn rgb(size: [u32; 2], planes: [Vec<f32>; 3]) -> Picture {
+    let mut picture = Picture::new(size);
+    for (name, samples) in ["R", "G", "B"].into_iter().zip(planes) {
+        picture.add(name, SampleKind::Float, samples);
+    }
+    picture
 }
 
 /// Clamps negative values to 0 and refuses what is not finite.
-fn sound(mut image: RgbImage) -> std::result::Result<RgbImage, String> {
-    if let Some(bad) = image.pixels.iter().position(|p| !p.is_finite()) {
-        let (x, y) = (bad % image.width as usize, bad / image.width as usize);
-        return Err(format!("pixel at column {x}, row {y} is not finite: {}", image.pixels[bad]));
+fn sound(mut picture: Picture) -> std::result::Result<Picture, String> {
+    let infinite = |c: &Channel| c.samples.iter().position(|x| !x.is_finite());
+    if let Some(bad) = picture.channels.iter().filter_map(infinite).min() {
+        let (x, y) = (bad % picture.width as usize, bad / picture.width as usize);
+        let [r, g, b] = picture.planes("")?.map(|plane| plane[bad]);
+        return Err(format!("pixel at column {x}, row {y} is not finite: {}", Color::new(r, g, b)));
     }
-    for pixel in &mut image.pixels {
-        *pixel = pixel.max(Color::ZERO);
-    }
-    Ok(image)
+    let samples = picture.channels.iter_mut().flat_map(|c| &mut c.samples);
+    samples.filter(|x| **x <= 0.0).for_each(|x| *x = 0.0);
+    Ok(picture)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::exr::{Channel, Crop, SampleKind};
     use super::*;
-
-    fn channel(name: &str, samples: &[f32]) -> Channel {
-        Channel { name: name.to_owned(), kind: SampleKind::Float, samples: samples.to_vec() }
-    }
+    use crate::imagefile::Crop;
 
     fn saved(name: &str, bytes: &[u8]) -> (tempfile::TempDir, std::path::PathBuf) {
         let dir = tempfile::tempdir().unwrap();
@@ -137,10 +116,9 @@ mod tests {
         let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
         bytes.extend([128, 64, 32, 129, 200, 200, 200, 0]);
         let (_dir, path) = saved("a.hdr", &bytes);
-        let image = read_hdr(&path).unwrap();
+        let image = read_environment(&path).unwrap();
         assert_eq!((image.width, image.height), (2, 1));
-        assert_eq!(image.pixels, [Color::new(1.0, 0.5, 0.25), Color::ZERO]);
-        assert_eq!(read_environment(&path).unwrap(), image);
+        assert_eq!(image.colors("").unwrap(), [Color::new(1.0, 0.5, 0.25), Color::ZERO]);
     }
 
     #[test]
@@ -162,23 +140,24 @@ mod tests {
 
     #[test]
     fn layers_become_an_environment() {
-        let rgb = |prefix: &str| {
-            ["R", "G", "B"].map(|c| channel(&format!("{prefix}{c}"), &[1.0, -0.5])).to_vec()
+        let picture = |names: &[&str], samples: [f32; 2]| {
+            let mut picture = Picture::new([2, 1]);
+            for &name in names {
+                picture.add(name, SampleKind::Float, samples.to_vec());
+            }
+            picture
         };
-        let layers = |channels| Layers { width: 2, height: 1, channels, ..Layers::default() };
-        let expected = [Color::ONE, Color::ZERO];
-        for channels in [rgb(""), rgb("Combined."), vec![channel("Y", &[1.0, -0.5])]] {
-            assert_eq!(from_layers(layers(channels)).and_then(sound).unwrap().pixels, expected);
+        let made = |picture| environment_of(picture).and_then(sound);
+        for names in [&["R", "G", "B"][..], &["Combined.R", "Combined.G", "Combined.B"], &["Y"]] {
+            let colors = made(picture(names, [1.0, -0.5])).unwrap().colors("").unwrap();
+            assert_eq!(colors, [Color::ONE, Color::ZERO]);
         }
-        assert!(
-            from_layers(layers(vec![channel("Z", &[1.0, 1.0])])).unwrap_err().contains("only Z")
-        );
-        let cropped =
-            Layers { crop: Some(Crop { origin: [1, 0], whole: [4, 4] }), ..layers(rgb("")) };
-        assert!(from_layers(cropped).unwrap_err().contains("data window"));
+        assert!(made(picture(&["Z"], [1.0; 2])).unwrap_err().contains("only Z"));
+        let crop = Some(Crop { origin: [1, 0], whole: [4, 4] });
+        let cropped = Picture { crop, ..picture(&["Y"], [1.0; 2]) };
+        assert!(made(cropped).unwrap_err().contains("data window"));
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let error =
-                from_layers(layers(vec![channel("Y", &[0.0, bad])])).and_then(sound).unwrap_err();
+            let error = made(picture(&["Y"], [0.0, bad])).unwrap_err();
             assert!(error.contains("column 1, row 0"), "{error}");
         }
     }

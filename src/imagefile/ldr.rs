@@ -1,6 +1,5 @@
 //! Pictures of 8 and 16 bits: textures in, previews out.
 
-use super::{TextureImage, TexturePixels};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::math::Color;
@@ -11,6 +10,26 @@ use image::{
 use std::io::Cursor;
 use std::path::Path;
 
+/// Decoded pixels in the precision of the file, shared by all textures that show them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureImage {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// RGBA of each pixel, row by row from the top; `width * height` entries.
+    pub pixels: TexturePixels,
+}
+
+/// The stored precision of a [`TextureImage`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum TexturePixels {
+    /// 8 bits per channel.
+    Rgba8(Vec<[u8; 4]>),
+    /// 16 bits per channel.
+    Rgba16(Vec<[u16; 4]>),
+}
+
 /// The most columns and rows of a texture.
 pub const MAX_SIZE: u32 = 16384;
 /// The most bytes of one decoded texture: the largest size in four channels of 16 bits.
@@ -20,9 +39,9 @@ const MAX_PIXELS_PER_BYTE_PNG: u64 = 8 * 1032;
 /// The most pixels that a byte can become: blocks of 64 pixels in at least one bit.
 const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 
-/// Decodes a PNG, JPEG or WebP file, told apart by content. 16-bit files keep their precision, all
-/// others become 8 bits; gray is repeated into R, G and B; missing alpha is opaque. The values are
-/// the file's: no profile, gamma or orientation is applied, as glTF wants it [glTF20, 3.8.3].
+/// Decodes a PNG, JPEG or WebP file; the content tells which. 16-bit files keep their precision,
+/// all others become 8 bits. Gray is repeated into R, G and B; missing alpha is opaque. The values
+/// stay as in the file: no profile, gamma or orientation is applied, as glTF asks [glTF20, 3.8.3].
 ///
 /// # Errors
 /// What is wrong, without the file's name: another format, damage, no pixels, more than
@@ -45,17 +64,12 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
     limits.max_image_height = Some(MAX_SIZE);
     limits.max_alloc = Some(MAX_BYTES);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(limits.clone());
-    let mut decoder = reader.into_decoder().map_err(broken)?;
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(broken)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
         return Err(format!("has no pixels ({width} x {height})"));
-    }
-    if width > MAX_SIZE || height > MAX_SIZE {
-        return Err(format!(
-            "has {width} x {height} pixels, more than {MAX_SIZE} in a row or column"
-        ));
     }
     let per_byte = match format {
         ImageFormat::Png => MAX_PIXELS_PER_BYTE_PNG,
@@ -68,8 +82,6 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
             bytes.len()
         ));
     }
-    limits.reserve(decoder.total_bytes()).map_err(broken)?;
-    decoder.set_limits(limits).map_err(broken)?;
     let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
     let deep = matches!(
         image,

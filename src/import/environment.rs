@@ -24,11 +24,11 @@ pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<Envir
     if !metadata.is_file() {
         return Err(Error::image(path, "it is not a regular file"));
     }
-    let image = hdr::read_environment(path)?;
+    let picture = hdr::read_environment(path)?;
     Ok(EnvironmentMap {
-        width: image.width,
-        height: image.height,
-        pixels: image.pixels,
+        width: picture.width,
+        height: picture.height,
+        pixels: picture.colors("").map_err(|what| Error::image(path, what))?,
         scale,
         from_world: Affine3A::from_rotation_y(-rotate_degrees.to_radians()),
     })

@@ -97,9 +97,10 @@ pub use cameras::default_camera;
 pub use environment::{environment, sky};
 pub use ies::ies;
 
+use crate::accel::Backend;
 use crate::error::{Error, Result};
 use crate::light::LUMINOUS_EFFICACY;
-use crate::scene::SceneData;
+use crate::scene::{Scene, SceneData};
 use accessors::Accessors;
 use assembly::{Assembly, Parts};
 use budget::Budget;
@@ -148,6 +149,15 @@ pub struct ImportOptions {
     pub scene: Option<SceneChoice>,
     /// Units of point, spot and directional lights.
     pub light_units: LightUnits,
+}
+
+/// Reads the glTF 2.0 file at `path` and builds its scene. The returned lines tell the user what
+/// [`gltf`] and [`Scene::new`] noticed.
+///
+/// # Errors
+/// Those of [`gltf`] and [`Scene::new`].
+pub fn open(path: impl AsRef<Path>) -> Result<(Scene, Vec<String>)> {
+    Scene::new(gltf(path.as_ref(), &ImportOptions::default())?, Backend::default())
 }
 
 /// Reads the glTF 2.0 file at `path`.

@@ -1,7 +1,7 @@
 //! Light with extent from infinity: an environment map, and discs such as the sun's in front of it.
 
 use super::environment::Environment;
-use super::weight;
+use super::source::weight;
 use crate::math::{Color, Frame, INV_PI, PI, Vec2, Vec3};
 
 /// A disc in the sky of the same radiance all over.

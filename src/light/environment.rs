@@ -1,8 +1,9 @@
 //! Light from infinity: lookup of an equirectangular map and sampling of directions in proportion
 //! to it.
 
-use super::{EnvironmentMap, weight};
+use super::source::{EnvironmentMap, weight};
 use crate::math::{Affine3A, Color, Frame, INV_PI, PI, Vec2, Vec3};
+use crate::sampling::sample_linear;
 
 /// What an infinite pixel (an overflown sun) becomes: the largest finite half.
 const INFINITE: f32 = 65504.0;
@@ -305,11 +306,4 @@ impl Grid {
     fn normalized(&self, value: f32) -> f32 {
         (f64::from(value) * (self.columns * self.rows) as f64 / self.total()) as f32
     }
-}
-
-/// Inverts the distribution function of the density on the unit interval that runs linearly from
-/// `a` to `b`.
-pub(super) fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
-    let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
-    if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }

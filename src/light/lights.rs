@@ -2,13 +2,11 @@
 
 use super::distant::Distant;
 use super::environment::Environment;
-use super::lanes::LANES;
 use super::punctual::PunctualIncidence;
+use super::simd::LANES;
+use super::source::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, weight};
 use super::tree::{Comb, LEAF, LightTree, Pick, Share};
-use super::triangle::View;
-use super::{
-    Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, TriangleLight, weight,
-};
+use super::triangle::{TriangleLight, View};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
 use crate::sampling::unit_f32;

@@ -1,7 +1,7 @@
 //! Lights without extent, as the glTF extensions `KHR_lights_punctual` and `EXT_lights_ies` define
 //! them.
 
-use super::{PunctualLight, weight};
+use super::source::{PunctualLight, weight};
 use crate::math::{Color, Frame, INV_PI, PI, Vec2, Vec3};
 
 /// The light that reaches a point from a light without extent.

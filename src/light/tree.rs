@@ -4,8 +4,10 @@
 //! few lights and is split by the lights' own importance. A scene of few lights is one leaf.
 
 use super::bounds::LightBounds;
-use super::lanes::{GroupLanes, LANES, TriangleLanes};
-use super::{PunctualLight, TriangleLight};
+use super::lanes::{GroupLanes, TriangleLanes};
+use super::simd::LANES;
+use super::source::{PunctualLight, weight};
+use super::triangle::TriangleLight;
 use crate::geometry::Aabb;
 use crate::math::Vec3;
 use std::f32::consts::PI;
@@ -407,7 +409,7 @@ fn punctual_bounds(light: &PunctualLight) -> LightBounds {
         bounds: Aabb { min: position, max: position },
         axis,
         theta_o,
-        intensity: super::weight(light.strength()),
+        intensity: weight(light.strength()),
     }
 }
 

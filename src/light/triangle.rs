@@ -1,8 +1,9 @@
 //! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate
 //! of the light that it sends to a point.
 
-use super::lanes::{LANES, Vec3x4, sin_cos};
-use super::{Emitter, polygon_irradiance, weight};
+use super::polygon::polygon_irradiance;
+use super::simd::{LANES, Vec3x4, sin_cos};
+use super::source::{Emitter, weight};
 use crate::geometry::Geometry;
 use crate::math::{Color, Vec2, Vec3, Vec4};
 

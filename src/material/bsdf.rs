@@ -1,42 +1,12 @@
 //! The BSDF of one surface point: evaluation, sampling and densities of everything but emission and
 //! alpha.
 
-use super::NativeBrdf;
 use super::layered::{GgxLobe, Layered};
 use super::microfacet::flip;
+use super::native::NativeBrdf;
+use super::sample::{BsdfSample, Lobe};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
-
-/// Which kind of lobe a direction was drawn from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lobe {
-    /// Lambert's.
-    Diffuse,
-    /// A lobe of finite width.
-    Glossy,
-    /// A single direction.
-    Delta,
-}
-
-/// A direction drawn by [`Bsdf::sample`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BsdfSample {
-    /// Unit direction, local frame, away from the surface.
-    pub wi: Vec3,
-    /// `f(wo, wi) |cosθ_i| / pdf` with all lobes of finite width in both `f` and `pdf`; for a
-    /// delta lobe its share of the light over the probability of choosing it.
-    pub weight: Color,
-    /// Density per steradian; infinite for a delta direction.
-    pub pdf: f32,
-    /// The lobe that drew the direction.
-    pub lobe: Lobe,
-    /// True if `wi` is on the other side of the surface.
-    pub transmitted: bool,
-    /// Index of refraction of the far side over that of `wo`'s side if the light was refracted,
-    /// else 1. Radiance was scaled by `1/eta²`: Russian roulette should look at the throughput
-    /// times the product of `eta²`.
-    pub eta: f32,
-}
 
 /// The BSDF of one surface point in its local frame: z is the shading normal on the side of `wo`.
 ///
@@ -47,16 +17,16 @@ pub struct BsdfSample {
 /// f(wo, wi) = diffuse_albedo(wo)/π + f_glossy(wo, wi)   for wi above the surface
 /// ```
 ///
-/// so that its outgoing radiance is `diffuse_albedo(wo)/π · E` for any incident light, which is
-/// what the irradiance cache interpolates. The price: light enters the diffuse layer through the
-/// layers above it without loss and is attenuated on its way to `wo` alone. Energy is conserved,
-/// but where there is a specular layer or a coat, `f(wo, wi) = f(wi, wo)` does not hold for the
-/// diffuse lobe, nor, for the same reason, for whatever lies below a coat, nor for the compensation
-/// of multiple scattering, which depends on `wo` alone [Turquin19]. Algorithms that carry
-/// importance must evaluate `f` with its arguments in the order of the light.
+/// The outgoing radiance of the diffuse lobe is `diffuse_albedo(wo)/π · E` for any incident light,
+/// so irradiance is all that a cache has to interpolate. The price: light enters the diffuse layer
+/// through the layers above without loss, and only its way to `wo` attenuates it. Energy is
+/// conserved, but `f(wo, wi) = f(wi, wo)` does not hold for the diffuse lobe under a specular layer
+/// or a coat, nor for anything below a coat, nor for the compensation of multiple scattering, which
+/// depends on `wo` alone [Turquin19]. Algorithms that carry importance must evaluate `f` with its
+/// arguments in the order of the light.
 ///
-/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface, as seen
-/// from there; others are black from below.
+/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface. Other
+/// surfaces are black from below.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bsdf(Model);
 
@@ -298,12 +268,6 @@ impl Bsdf {
             Model::Native(b) => b.sharpest(),
         }
     }
-}
-
-/// Mean of the channels, the weight by which lobes are chosen.
-#[inline]
-pub(super) fn mean(c: Color) -> f32 {
-    (c.x + c.y + c.z) * (1.0 / 3.0)
 }
 
 #[cfg(test)]

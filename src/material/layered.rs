@@ -7,12 +7,12 @@
 //! multiple scattering included, is missing below, so a white stack reflects exactly what it
 //! receives.
 
-use super::bsdf::{BsdfSample, Lobe, mean};
 use super::energy::{glass_albedo, reflection_albedo};
 use super::microfacet::{
     DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract,
     sample_visible_normal, schlick_weight, visibility, visible_normal_pdf,
 };
+use super::sample::{BsdfSample, Lobe, mean};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
 

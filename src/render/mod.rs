@@ -1,26 +1,32 @@
-//! A frame from scene to files: fill, tiles, passes, threads; then layers, preview and statistics.
+//! From a scene to files: fill, tiles, passes; then layers, preview and statistics.
 
-pub mod display;
+pub mod viewer;
 
-mod caches;
 mod clock;
-mod frame;
-mod output;
-mod records;
-mod refine;
-mod selection;
-mod sequence;
 mod settings;
-mod stats;
+mod refine;
+mod caches;
 mod visible;
+mod sequence;
+mod frame;
+mod selection;
+mod overlay;
+mod output;
+mod stats;
+mod picture;
+mod job;
+mod animation;
 
-pub use caches::{Caches, Gloss, Job, Spot};
+pub use animation::{FrameCost, Frames, Sequence, frame_path};
+pub use caches::Caches;
 pub use clock::{Clock, peak_memory_bytes};
-pub use frame::{Frame, Watcher, frame, frame_from, frame_with};
-pub(crate) use frame::{camera_sample, pixel_order};
+pub use frame::{Frame, Watcher};
+pub use job::{Job, camera_number, workers};
 pub use output::{Facts, write_exr, write_preview};
+pub use picture::Picture;
 pub use selection::Selection;
 pub use sequence::{Growth, fill_sequence};
 pub use settings::{IntegratorKind, Settings};
+pub(crate) use settings::{camera_sample, pixel_order};
 pub use stats::stats;
 pub use visible::fill_for_camera;

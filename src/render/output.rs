@@ -1,12 +1,11 @@
-//! From a finished film to files: layers with their attributes, and the preview.
+//! Files of a finished frame: its layers with attributes, and the preview.
 
-use super::records;
+use super::frame::Frame;
+use super::overlay;
+use super::selection::Selection;
 use super::settings::Settings;
-use super::{Frame, Selection};
-use crate::camera::{Camera, Projection};
 use crate::error::Result;
-use crate::imagefile::exr::{self, Attribute, Channel, Crop, Layers, REC_709, SampleKind};
-use crate::imagefile::ldr;
+use crate::imagefile::{Attribute, Picture, REC_709, SampleKind, exr, ldr};
 use crate::math::Color;
 use glam::Mat4;
 use std::path::Path;
@@ -22,7 +21,7 @@ pub fn write_exr(
     selection: &Selection,
     facts: &Facts,
 ) -> Result<()> {
-    exr::write(path, &layers(frame, settings, selection, facts))
+    exr::write(path, &picture(frame, settings, selection, facts))
 }
 
 /// What the file says of the run beside the pixels.
@@ -38,77 +37,32 @@ pub struct Facts {
     pub show_records: bool,
 }
 
-fn layers(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Layers {
+fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
     let film = &frame.film;
-    let [width, height] = film.window_size();
-    let mut channels = Vec::new();
-    for layer in selection.layers() {
-        let kind = if layer.half { SampleKind::Half } else { SampleKind::Float };
-        for (k, samples) in film.channels(layer).into_iter().enumerate() {
-            channels.push(Channel { name: layer.channel_name(k), kind, samples });
-        }
+    let mut picture = film.picture(selection.layers().iter().copied());
+    if let Some(caches) = frame.caches.as_ref().filter(|_| facts.show_records) {
+        let drawn = overlay::draw(film, &caches.cache, settings);
+        picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);
+        picture.add("gi.level", SampleKind::Half, drawn.level);
     }
-    if facts.show_records && frame.cache.is_some() {
-        let drawn = records::draw(film, frame.caches(), settings);
-        for (k, name) in ["R", "G", "B"].iter().enumerate() {
-            let samples = drawn.overlay.iter().map(|c| c[k]).collect();
-            channels.push(Channel {
-                name: format!("gi.overlay.{name}"),
-                kind: SampleKind::Half,
-                samples,
-            });
-        }
-        channels.push(Channel {
-            name: "gi.level".into(),
-            kind: SampleKind::Half,
-            samples: drawn.level,
-        });
-    }
-    let mut attributes = vec![
-        (
-            "software".into(),
-            Attribute::Text(concat!("lumicache ", env!("CARGO_PKG_VERSION")).into()),
-        ),
-        ("settings".into(), Attribute::Text(settings.describe())),
-        ("seconds".into(), Attribute::Double(facts.seconds)),
-        ("samplesPerPixel".into(), Attribute::Int(settings.spp as i32)),
-        ("sceneHash".into(), Attribute::Text(facts.scene_hash.clone())),
-        ("backend".into(), Attribute::Text(facts.backend.clone())),
-        ("chromaticities".into(), REC_709),
-        (
-            "worldToCamera".into(),
-            Attribute::M44f(world_to_camera(&settings.camera).to_cols_array()),
-        ),
-        (
-            "worldToNDC".into(),
-            Attribute::M44f(world_to_ndc(&settings.camera, settings.size).to_cols_array()),
-        ),
+    let text = |text: &str| Attribute::Text(text.to_owned());
+    let matrix = |matrix: Mat4| Attribute::M44f(matrix.to_cols_array());
+    let camera = &settings.camera;
+    let attributes = [
+        ("software", text(concat!("lumicache ", env!("CARGO_PKG_VERSION")))),
+        ("settings", text(&settings.describe())),
+        ("seconds", Attribute::Double(facts.seconds)),
+        ("samplesPerPixel", Attribute::Int(settings.spp as i32)),
+        ("sceneHash", text(&facts.scene_hash)),
+        ("backend", text(&facts.backend)),
+        ("chromaticities", REC_709),
+        ("worldToCamera", matrix(camera.world_to_camera())),
+        ("worldToNDC", matrix(camera.world_to_ndc(settings.size))),
     ];
-    if frame.cancelled {
-        attributes.push(("cancelled".into(), Attribute::Int(1)));
-    }
-    let [x0, y0, _, _] = film.window;
-    let crop = (film.window_size() != film.size)
-        .then_some(Crop { origin: [x0 as i32, y0 as i32], whole: film.size });
-    Layers { width, height, channels, attributes, crop }
-}
-
-fn world_to_camera(camera: &Camera) -> Mat4 {
-    Mat4::from(camera.to_world.inverse())
-}
-
-/// World to normalised device coordinates: x and y in [-1, 1] over the image, y up.
-pub(super) fn world_to_ndc(camera: &Camera, size: [u32; 2]) -> Mat4 {
-    let aspect = size[0] as f32 / size[1] as f32;
-    let projection = match camera.projection {
-        Projection::Perspective { yfov } => {
-            glam::camera::rh::proj::opengl::perspective(yfov, aspect, 0.01, 1e5)
-        }
-        Projection::Orthographic { xmag, ymag } => {
-            glam::camera::rh::proj::opengl::orthographic(-xmag, xmag, -ymag, ymag, 0.01, 1e5)
-        }
-    };
-    projection * world_to_camera(camera)
+    let cancelled = frame.cancelled.then_some(("cancelled", Attribute::Int(1)));
+    let attributes = attributes.into_iter().chain(cancelled);
+    picture.attributes = attributes.map(|(name, value)| (name.to_owned(), value)).collect();
+    picture
 }
 
 /// Writes the beauty, or the picture with records drawn over it, as an 8-bit sRGB PNG.
@@ -122,10 +76,9 @@ pub fn write_preview(
     exposure_ev: f32,
     show_records: bool,
 ) -> Result<()> {
-    let pixels: Vec<Color> = if show_records && frame.cache.is_some() {
-        records::draw(&frame.film, frame.caches(), settings).overlay
-    } else {
-        frame.film.radiance()
+    let pixels: Vec<Color> = match frame.caches.as_ref().filter(|_| show_records) {
+        Some(caches) => overlay::draw(&frame.film, &caches.cache, settings).overlay,
+        None => frame.film.radiance(),
     };
     let [width, height] = frame.film.window_size();
     ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))

@@ -1,7 +1,10 @@
-//! What is rendered, and how.
+//! One frame's settings, every number decided, and the samples that follow from them.
 
-use crate::cache::Scheme;
+use crate::cache::{Schedule, Scheme};
 use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::sampling::hash;
+use crate::transport::CameraSample;
 
 /// Which light transport makes the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,8 +43,8 @@ pub struct Settings {
     pub window: [u32; 4],
     /// Samples per pixel.
     pub spp: u32,
-    /// Pixels whose relative standard error is above this get up to four times the samples; 0
-    /// gives all of them the same.
+    /// Pixels whose relative standard error is above this number get up to four times the samples;
+    /// with 0 all pixels get the same.
     pub noise: f32,
     /// Most surface interactions after the camera hit, `u32::MAX` for no bound.
     pub max_bounces: u32,
@@ -77,4 +80,47 @@ impl Settings {
         }
         text
     }
+
+    pub(super) fn check(&self) -> Result<()> {
+        let ([w, h], [x0, y0, x1, y1]) = (self.size, self.window);
+        if w == 0 || h == 0 || u64::from(w) * u64::from(h) > 1 << 28 {
+            return Err(Error::InvalidArgument(format!(
+                "an image of {w}x{h} pixels cannot be rendered"
+            )));
+        }
+        if x0 >= x1 || y0 >= y1 || x1 > w || y1 > h {
+            return Err(Error::InvalidArgument(format!(
+                "the crop window {x0},{y0},{x1},{y1} is not inside {w}x{h} pixels"
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// The pixels of the window in the scheme's order.
+pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
+    let [x0, y0, x1, y1] = settings.window;
+    let width = x1 - x0;
+    let mut order: Vec<u32> = (0..width * (y1 - y0)).collect();
+    match settings.scheme.schedule {
+        Schedule::OnePass | Schedule::Scanline => {}
+        // Grids of every eighth pixel, then every fourth, every second, and the rest.
+        Schedule::CoarseToFine => {
+            order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p))
+        }
+        Schedule::Scattered => {
+            order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p))
+        }
+    }
+    order
+}
+
+/// Sample `index` of pixel `p` of the window, which may use the first `limit` records.
+pub(crate) fn camera_sample(settings: &Settings, p: u32, index: u32, limit: u32) -> CameraSample {
+    let [x0, y0, x1, _] = settings.window;
+    let width = x1 - x0;
+    let (x, y) = (x0 + p % width, y0 + p / width);
+    // The seed belongs to the pixel of the full image: a crop shows the same noise.
+    let seed = hash(&[settings.seed, u64::from(x), u64::from(y)]);
+    CameraSample::new(&settings.camera, [x, y], settings.size, seed, index, limit)
 }

@@ -11,6 +11,15 @@ use crate::material::Material;
 use crate::texture::{Texture, TexturePixels};
 use std::collections::BTreeMap;
 
+/// One hash of all `hashes`.
+fn joined(hashes: &BTreeMap<String, String>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hashes.values().for_each(|h| {
+        hasher.update(h.as_bytes());
+    });
+    hasher.finalize().to_hex().to_string()
+}
+
 /// A scene as plain data: what an importer or a host fills in, and [`Scene`] is built from.
 #[derive(Clone, Debug, Default)]
 pub struct SceneData {
@@ -37,11 +46,7 @@ impl SceneData {
     /// A hash of everything that changes the light in the scene, hexadecimal: geometry, materials,
     /// textures and lights, not the cameras.
     pub fn hash(&self) -> String {
-        let mut hasher = blake3::Hasher::new();
-        self.hashes().values().for_each(|h| {
-            hasher.update(h.as_bytes());
-        });
-        hasher.finalize().to_hex().to_string()
+        joined(&self.hashes())
     }
 
     /// What [`SceneData::hash`] is made of, so that a difference can be named: the hashes of

@@ -1,15 +1,17 @@
 //! A scene ready for rays.
 
-use super::SceneData;
+use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
-use crate::camera::Camera;
+use crate::camera::{Camera, Motion};
 use crate::error::Result;
 use crate::geometry::{Aabb, Geometry, SurfacePoint, interpolate, offset_origin};
 use crate::light::{Emitter, EnvironmentMap, LightSample, Lights};
+use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
 use crate::sampling::{hash, unit_f32};
 use crate::texture::Texture;
+use std::collections::BTreeMap;
 
 /// A scene with its ray tracing structure and light sampling; immutable and shared by all threads.
 pub struct Scene {
@@ -17,12 +19,15 @@ pub struct Scene {
     materials: Vec<Material>,
     textures: Vec<Texture>,
     cameras: Vec<Camera>,
+    motions: Vec<Option<Motion>>,
+    hashes: BTreeMap<String, String>,
     lights: Lights,
     accel: Accel,
     bounds: Aabb,
     /// For each material: rays may pass through it by its alpha.
     see_through: Vec<bool>,
     any_see_through: bool,
+    tables: TableStore,
 }
 
 /// Layers of alpha that one ray passes before it is taken to be blocked.
@@ -41,6 +46,7 @@ impl Scene {
     /// # Errors
     /// Those of the ray tracing back end.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
+        let hashes = data.hashes();
         let SceneData {
             geometry,
             materials,
@@ -48,8 +54,8 @@ impl Scene {
             punctual,
             mut environment,
             cameras,
+            motions,
             mut warnings,
-            ..
         } = data;
         let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
@@ -67,13 +73,27 @@ impl Scene {
             materials,
             textures,
             cameras,
+            motions,
+            hashes,
             lights,
             accel,
             bounds,
             see_through,
             any_see_through,
+            tables: TableStore::default(),
         };
         Ok((scene, warnings))
+    }
+
+    /// The scene with its materials' tables kept in `tables` between runs; without this call they
+    /// live in memory alone.
+    pub fn with_tables(self, tables: TableStore) -> Self {
+        Self { tables, ..self }
+    }
+
+    /// Where the tables of the materials are kept.
+    pub fn tables(&self) -> &TableStore {
+        &self.tables
     }
 
     /// Meshes and instances.
@@ -84,6 +104,21 @@ impl Scene {
     /// The cameras of the file.
     pub fn cameras(&self) -> &[Camera] {
         &self.cameras
+    }
+
+    /// How the cameras move: [`SceneData::motions`].
+    pub fn motions(&self) -> &[Option<Motion>] {
+        &self.motions
+    }
+
+    /// [`SceneData::hashes`] of the data that the scene was built from.
+    pub fn hashes(&self) -> &BTreeMap<String, String> {
+        &self.hashes
+    }
+
+    /// [`SceneData::hash`] of the data that the scene was built from.
+    pub fn hash(&self) -> String {
+        joined(&self.hashes)
     }
 
     /// The light sources.

@@ -1,24 +1,20 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
-use super::{CameraSample, Known, Radiance, Shaded, Surface};
+use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
 use crate::math::{Color, INV_PI, Vec3};
-use crate::sampling::{Sampler, cosine_hemisphere_pdf, square_to_cosine_hemisphere};
+use crate::sampling::{
+    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler, cosine_hemisphere_pdf,
+    square_to_cosine_hemisphere,
+};
 use crate::scene::Scene;
 
-/// Paths this short are never ended by Russian roulette.
-pub(super) const ROULETTE_AFTER: u32 = 4;
-/// Highest probability of survival in Russian roulette.
-pub(super) const MAX_SURVIVAL: f32 = 0.98;
 /// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as
 /// probability.
 const GLOSS_SURVIVAL: f32 = 2.0;
-/// A bound on unlimited paths: beyond any that light in a scene takes, short of a hall of perfect
-/// mirrors.
-pub(super) const LONGEST_PATH: u32 = 4096;
 
 /// Traces light paths through a scene.
 #[derive(Clone, Copy)]
@@ -172,7 +168,7 @@ impl PathTracer<'_> {
         start: &Start,
         sampler: &mut Sampler,
         seed: u64,
-        known: Option<Known>,
+        known: Option<IndirectLight>,
     ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
@@ -266,7 +262,7 @@ impl PathTracer<'_> {
         v: &Vertex,
         sampler: &mut Sampler,
         bounces: u32,
-        known: Option<Known>,
+        known: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
         let (cached, sampled) = match known

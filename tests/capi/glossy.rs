@@ -1,6 +1,7 @@
 //! Glossy answers: from radiance records where seeds have said from where they are looked at, else
 //! by paths.
 
+use super::agreement::picture;
 use super::*;
 
 /// Points, their normals, and the directions from which they are looked at.

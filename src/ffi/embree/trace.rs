@@ -1,6 +1,7 @@
 //! Rays against committed scenes: one by one, and in packets as wide as the CPU's registers.
 
-use super::{Scene, raw};
+use super::raw;
+use super::scene::Scene;
 use crate::ffi::ray::{Hit, Ray};
 use std::time::Instant;
 
@@ -116,8 +117,9 @@ macro_rules! packets {
             #[repr(align(64))]
             pub struct Valid(pub [i32; $n]);
 
-            /// Writes up to a packet's width of `rays` to its lanes and returns which take part: the valid ones. Debian compiles Embree with
-            /// its assertions, and one of them would end the process at a ray that is not a number.
+            /// Writes up to a packet's width of `rays` to its lanes and returns which take part:
+            /// the valid ones. Debian compiles Embree with its assertions, and one of them would
+            /// end the process at a ray that is not a number.
             #[inline]
             fn gather(rays: &[Ray], packet: &mut raw::$Ray) -> Valid {
                 let mut valid = Valid([0; $n]);
@@ -155,7 +157,8 @@ macro_rules! packets {
                 for (rays, blocked) in rays.chunks($n).zip(blocked.chunks_mut($n)) {
                     let valid = gather(rays, &mut packet);
                     let mut options = options::occluded();
-                    // SAFETY: the scene is committed, the rays that `valid` names are initialised, and `valid` has the alignment that Embree wants.
+                    // SAFETY: the scene is committed, the rays that `valid` names are initialised,
+                    // and `valid` has the alignment that Embree wants.
                     unsafe { call!($occluded(valid.0.as_ptr(), scene.handle; &mut packet; &mut options)) };
                     for ((out, tfar), valid) in blocked.iter_mut().zip(packet.tfar).zip(valid.0) {
                         *out = valid != 0 && tfar == f32::NEG_INFINITY;
@@ -184,7 +187,8 @@ macro_rules! packets {
             #[inline]
             fn trace(scene: &Scene, valid: &Valid, coherent: bool, packet: &mut raw::$RayHit) {
                 let mut options = options::intersect(coherent);
-                // SAFETY: the scene is committed, the rays that `valid` names are initialised, and `valid` has the alignment that Embree wants.
+                // SAFETY: the scene is committed, the rays that `valid` names are initialised, and
+                // `valid` has the alignment that Embree wants.
                 unsafe { call!($intersect(valid.0.as_ptr(), scene.handle; packet; &mut options)) };
             }
         }

@@ -1,12 +1,13 @@
 //! Reading, through the `exr` crate.
 
-use super::{Attribute, Channel, Crop, Layers, SampleKind, text_of};
 use crate::error::{Error, Result};
+use crate::imagefile::picture::{Attribute, Channel, Crop, Picture, SampleKind};
 use ::exr::image::{AnyChannels, FlatImage, FlatSamples, Layer};
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, Chromaticities, Compression};
 use ::exr::meta::header::{Header, standard_names};
 use ::exr::prelude::{ReadChannels, ReadLayers, Vec2};
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::io::Cursor;
 use std::path::Path;
@@ -22,14 +23,15 @@ const MAX_RATIO_DWA: u64 = 1 << 16;
 /// Reads the file `path`: all parts, their largest level, any compression that the `exr` crate
 /// knows.
 ///
-/// Several parts become one picture: channels of the first keep their names, those of a later one
-/// are prefixed with the part's name and a dot unless they are already. Attributes are those of the
-/// first part, sorted by name; types that [`Attribute`] has no variant for are left out.
+/// Several parts become one picture. Channels of the first part keep their names; channels of a
+/// later part get the part's name and a dot as a prefix unless they have it already. The picture
+/// has the attributes of the first part, sorted by name, without types that [`Attribute`] has no
+/// variant for.
 ///
 /// # Errors
 /// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or
 /// subsampled data, parts of different windows, or a size that the file's length cannot hold.
-pub fn read(path: &Path) -> Result<Layers> {
+pub fn read(path: &Path) -> Result<Picture> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     read_bytes(&bytes).map_err(|what| Error::image(path, what))
 }
@@ -38,7 +40,7 @@ pub fn read(path: &Path) -> Result<Layers> {
 ///
 /// # Errors
 /// What is wrong with the file, without its name.
-pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Layers, String> {
+pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Picture, String> {
     let meta =
         MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| not_readable(&e))?;
     check(&meta.headers, bytes.len() as u64)?;
@@ -61,7 +63,7 @@ pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Layers, String> {
         return Err(format!("has two channels called '{}'", twice.name));
     }
     let extent = |n: usize| u32::try_from(n).map_err(|_| "is too large".to_owned());
-    Ok(Layers {
+    Ok(Picture {
         width: extent(size.0)?,
         height: extent(size.1)?,
         channels,
@@ -199,4 +201,12 @@ fn crop_of(header: &Header) -> std::result::Result<Option<Crop>, String> {
         ],
         whole: [extent(display.size.0)?, extent(display.size.1)?],
     }))
+}
+
+/// The bytes of a file's text; other programs write Latin-1 or UTF-8.
+fn text_of(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|&b| char::from(b)).collect()),
+    }
 }

@@ -1,7 +1,8 @@
 //! Writing through OpenEXR's C core.
 
-use super::{Attribute, Packed, Prepared};
+use super::prepared::{Packed, Prepared};
 use crate::ffi::openexr::{Channel, Result, Samples, Window, Writer};
+use crate::imagefile::picture::Attribute;
 use std::path::Path;
 
 /// zlib's effort. On rendered half layers level 6 takes half as long again for files 2 % smaller,

@@ -4,8 +4,8 @@ mod parse;
 
 pub use parse::{IesFault, Photometry};
 
-use super::environment::sample_linear;
 use crate::math::{Vec2, Vec3};
+use crate::sampling::sample_linear;
 use parse::Content;
 use std::f64::consts::PI;
 

@@ -1,14 +1,15 @@
 //! One family of lobes in harmonics, for every outgoing direction.
 
-use crate::basis::{Basis, LANES, gauss_legendre, index, triangle, zonal_factors};
-use crate::math::{Color, Vec2, Vec3};
+use super::quadrature::{Row, rows};
+use crate::basis::{Basis, index, triangle};
+use crate::math::{Color, Vec2, Vec3, cell};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Up to three functions of two directions, which a surface adds up with factors of its own.
 pub struct Lobe<'a> {
     /// `f(wo, wi)` of each part, without the cosine; both directions are above the surface. For an
-    /// ordinary BRDF the parts are its three channels.
+    /// ordinary BRDF the parts are the three channels.
     pub f: &'a (dyn Fn(Vec3, Vec3) -> [f32; 3] + Sync),
     /// How many parts there are.
     pub parts: usize,
@@ -214,13 +215,6 @@ fn from_map(p: Vec2) -> Vec3 {
     w.with_z(w.z.max(MIN_COS)).normalize()
 }
 
-/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place in it.
-fn cell(t: f32, count: usize) -> (usize, f32) {
-    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
-    let i = (x as usize).min(count - 2);
-    (i, x - i as f32)
-}
-
 /// Directions over the hemisphere: rows of equal cosine, evenly spaced azimuths.
 struct Quadrature {
     rows: Vec<Row>,
@@ -231,31 +225,8 @@ struct Quadrature {
     width: f64,
 }
 
-struct Row {
-    cos: f64,
-    weight: f64,
-    zonal: Vec<f32>,
-}
-
 impl Quadrature {
     fn new(basis: &dyn Basis, half: bool) -> Self {
-        // cos θ = t²: √cos θ, which hemispherical harmonics contain, is smooth in t.
-        let nodes: Vec<(f64, f64)> = gauss_legendre(QUADRATURE.0, 0.0, 1.0)
-            .into_iter()
-            .map(|(t, weight)| (t * t, 2.0 * t * weight))
-            .collect();
-        let mut rows = Vec::new();
-        let mut lanes = Vec::new();
-        for chunk in nodes.chunks(LANES) {
-            zonal_factors(
-                basis,
-                &std::array::from_fn(|k| chunk.get(k).map_or(1.0, |n| n.0 as f32)),
-                &mut lanes,
-            );
-            for (k, &(cos, weight)) in chunk.iter().enumerate() {
-                rows.push(Row { cos, weight, zonal: lanes.iter().map(|lane| lane[k]).collect() });
-            }
-        }
         let (count, whole) = if half { (QUADRATURE.1, PI) } else { (2 * QUADRATURE.1, TAU) };
         let width = whole / count as f64;
         // m = 1 gives the azimuths themselves, whatever the order.
@@ -263,7 +234,7 @@ impl Quadrature {
             (0..count).map(|k| (m as f64 * (k as f64 + 0.5) * width).sin_cos()).collect()
         };
         Self {
-            rows,
+            rows: rows(basis, QUADRATURE.0),
             turns: (0..basis.order().max(2)).map(turn).collect(),
             width: width * TAU / whole,
         }

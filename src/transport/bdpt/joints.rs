@@ -9,8 +9,8 @@ use crate::geometry::SurfacePoint;
 use crate::light::EmissionSampler;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
-use crate::sampling::hash;
-use crate::transport::path::{LONGEST_PATH, PathTracer};
+use crate::sampling::{LONGEST_PATH, hash, stream};
+use crate::transport::path::PathTracer;
 
 /// A joining ray ends this share of its length before the other end.
 const SHORTENING: f32 = 1e-4;
@@ -90,7 +90,7 @@ impl<'a> LightPaths<'a> {
         let mut joining =
             Joining { paths: self, from, bundle, rays: Vec::new(), joints: Vec::new() };
         for number in 0..bundle.light_paths {
-            let walk = (hash(&[bundle.seed, 2]), number);
+            let walk = (hash(&[bundle.seed, stream::LIGHT_PATHS]), number);
             walk_from_light(&self.tracer, &self.emission, walk, most as usize, &mut joining);
         }
         let Joining { rays, joints, .. } = joining;

@@ -6,8 +6,8 @@ use crate::geometry::offset_origin;
 use crate::light::{Emission, EmissionSampler, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec3};
-use crate::sampling::{Sampler, hash};
-use crate::transport::path::{MAX_SURVIVAL, PathTracer, ROULETTE_AFTER, Sampled};
+use crate::sampling::{MAX_SURVIVAL, ROULETTE_AFTER, Sampler, hash};
+use crate::transport::path::{PathTracer, Sampled};
 
 /// Who follows a walk.
 pub(super) trait Follower {

@@ -6,13 +6,12 @@
 //! of the image: a splat. One light path belongs to each camera sample. What a path contributes and
 //! to which layer does not depend on the way it was made.
 
-mod connect;
-mod joints;
-mod light_walk;
 mod vertex;
-mod walk;
+mod light_walk;
+mod joints;
 mod weight;
-
+mod walk;
+mod connect;
 #[cfg(test)]
 mod tests;
 

@@ -7,12 +7,9 @@ use super::weight::LightDensity;
 use crate::light::{Emission, LightEnd, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec2, Vec3};
-use crate::sampling::hash;
-use crate::transport::path::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampled, split};
+use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, stream};
+use crate::transport::path::{Sampled, split};
 use crate::transport::{CameraSample, Shaded, Surface};
-
-/// Tells the light path's numbers from the camera path's.
-const LIGHT_STREAM: u64 = 0x006c_6967_6874;
 
 /// A camera path: the camera and its surface vertices.
 #[derive(Default)]
@@ -134,7 +131,7 @@ impl Bidirectional<'_> {
     pub(super) fn walk_from_light(&self, sample: &CameraSample, path: &mut LightPath) {
         path.vertices.clear();
         path.end = None;
-        let seed = hash(&[sample.seed, LIGHT_STREAM]);
+        let seed = hash(&[sample.seed, stream::LIGHT_WALK]);
         let mut builder = Builder { bidirectional: self, path };
         walk_from_light(
             &self.tracer,

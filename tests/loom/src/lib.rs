@@ -1,11 +1,13 @@
-//! All interleavings of `src/capi/handles.rs` and `src/cache/published.rs`, as far as loom goes: up to three threads with a few steps each.
+//! All interleavings of `src/capi/handles/table.rs` and `src/cache/store/published.rs`, as far as
+//! loom goes: up to three threads with a few steps each.
 //!
-//! What arc-swap does inside is not seen here; it has models of its own. In its place stands a lock, so what is checked is what we build on it.
+//! What arc-swap does inside is not seen here; it has models of its own. In its place stands a
+//! lock, so what is checked is what we build on it.
 
 #![allow(dead_code, reason = "the library uses more of these files than the models")]
 
 #[path = "."]
-pub mod capi {
+pub mod handles {
     mod sync {
         pub use loom::sync::Mutex;
         pub use loom::sync::atomic::{AtomicU64, Ordering};
@@ -28,8 +30,8 @@ pub mod capi {
         }
     }
 
-    #[path = "../../../src/capi/handles.rs"]
-    pub mod handles;
+    #[path = "../../../src/capi/handles/table.rs"]
+    pub mod table;
 }
 
 #[path = "."]
@@ -59,6 +61,6 @@ pub mod cache {
         }
     }
 
-    #[path = "../../../src/cache/published.rs"]
+    #[path = "../../../src/cache/store/published.rs"]
     pub mod published;
 }

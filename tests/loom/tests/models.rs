@@ -1,7 +1,7 @@
 //! See the library of this package for what is modelled.
 
 use lumicache_loom::cache::published::Published;
-use lumicache_loom::capi::handles::Table;
+use lumicache_loom::handles::table::Table;
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicUsize, Ordering};
 use loom::thread;

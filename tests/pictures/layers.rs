@@ -1,0 +1,79 @@
+//! The layers of both integrators hold the same light.
+
+use lumicache::accel::Backend;
+use lumicache::cache::Preset;
+use lumicache::film::LAYERS;
+use lumicache::light::EnvironmentMap;
+use lumicache::math::{Affine3A, Color};
+use lumicache::render::{IntegratorKind, Job};
+use lumicache::scene::{Scene, SceneData};
+use std::path::Path;
+
+/// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of
+/// all pixels.
+fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.set("rays", "400").unwrap();
+    let job = Job::new(scene).scheme(scheme).integrator(integrator).size(40, 40).spp(spp);
+    let frame = job.max_bounces(3).seed(1).run().unwrap().frame;
+    let mean = |channels: Vec<Vec<f32>>| {
+        let values = channels.iter().flatten();
+        values.clone().map(|&v| f64::from(v)).sum::<f64>() / values.count() as f64
+    };
+    let names =
+        ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
+    names
+        .map(|name| {
+            (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))
+        })
+        .to_vec()
+}
+
+/// A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
+fn varnished_box() -> SceneData {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.gltf");
+    let mut data = lumicache::import::gltf(&path, &Default::default()).unwrap();
+    for material in &mut data.materials {
+        (material.specular, material.roughness) = (1.0, 0.5);
+    }
+    data
+}
+
+fn assert_alike(data: SceneData) {
+    let scene = Scene::new(data, Backend::default()).unwrap().0;
+    let cached = parts(&scene, IntegratorKind::Cache, 32);
+    let traced = parts(&scene, IntegratorKind::Path, 128);
+    for ((name, cached), (_, traced)) in cached.iter().zip(&traced) {
+        // Both means are good to about 1 %; the cache may be biased by another.
+        assert!(
+            (cached / traced - 1.0).abs() < 0.04,
+            "{name}: {cached} with the cache, {traced} without"
+        );
+    }
+}
+
+#[test]
+fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
+    assert_alike(varnished_box());
+}
+
+#[test]
+fn so_does_the_light_of_a_sky_with_a_bright_spot() {
+    // The sky is seen through the open front; what light samples and directions of the surface find
+    // of it must add up to the whole.
+    let mut data = varnished_box();
+    data.materials.iter_mut().for_each(|m| m.emission = Color::ZERO);
+    let (width, height) = (16, 8);
+    let mut pixels = vec![Color::new(0.5, 0.6, 0.8); width * height];
+    for (column, row) in [(3, 3), (8, 4), (12, 3)] {
+        pixels[row * width + column] = Color::splat(20.0);
+    }
+    data.environment = Some(EnvironmentMap {
+        width: width as u32,
+        height: height as u32,
+        pixels,
+        scale: 1.0,
+        from_world: Affine3A::IDENTITY,
+    });
+    assert_alike(data);
+}

@@ -1,0 +1,157 @@
+//! Cache files on the command line: saved, loaded, joined, looked into; stale and broken ones
+//! refused.
+
+use crate::support::desk::{Desk, scene};
+use serde_json::Value;
+
+const SHORT: &[&str] =
+    &["--size", "32x24", "--rays", "32", "--spp", "1", "--set", "levels=2", "--quiet"];
+
+/// What the tests ask of cache files.
+trait Caches {
+    /// Renders one of our scenes to `out.exr`, quickly but by records on two levels.
+    fn cached(&self, scene: &str, more: &[&str]);
+    fn records(&self, file: &str) -> u64;
+    fn bytes(&self, name: &str) -> Vec<u8>;
+}
+
+impl Caches for Desk {
+    fn cached(&self, name: &str, more: &[&str]) {
+        self.print(&[&["render", &scene(name), "-o", "out.exr"], SHORT, more].concat());
+    }
+
+    fn records(&self, file: &str) -> u64 {
+        info(self, file)["records"].as_u64().unwrap()
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+}
+
+fn info(desk: &Desk, file: &str) -> Value {
+    serde_json::from_str(&desk.print(&["cache", "info", "--json", file])).unwrap()
+}
+
+#[test]
+fn a_saved_cache_spares_the_fill_and_gives_the_same_picture() {
+    let desk = Desk::new();
+    desk.cached("indirect-room", &["--cache-save", "a.lumi", "--stats", "a.json"]);
+    let picture = desk.bytes("out.exr");
+    desk.cached(
+        "indirect-room",
+        &["--cache-load", "a.lumi", "--cache-save", "b.lumi", "--stats", "b.json"],
+    );
+    // The first fill stops at a few points that clamping had uncovered last; the second goes on
+    // there.
+    let (before, after) = (desk.records("a.lumi"), desk.records("b.lumi"));
+    assert!(after >= before && 50 * (after - before) < before, "{before} records, then {after}");
+    let stats = |name: &str| -> Value { serde_json::from_slice(&desk.bytes(name)).unwrap() };
+    let rays = |name: &str| stats(name)["rays"]["gather"].as_u64().unwrap();
+    assert!(
+        rays("a.json") > 1000 && 20 * rays("b.json") < rays("a.json"),
+        "{} and {} rays",
+        rays("a.json"),
+        rays("b.json")
+    );
+    let read = |bytes: &[u8], name: &str| {
+        std::fs::write(desk.path(name), bytes).unwrap();
+        lumicache::imagefile::exr::read(&desk.path(name)).unwrap().channels
+    };
+    let (before, after) = (read(&picture, "before.exr"), read(&desk.bytes("out.exr"), "after.exr"));
+    for (a, b) in
+        before.iter().zip(&after).filter(|(a, _)| ["R", "G", "B"].contains(&a.name.as_str()))
+    {
+        let difference: f32 = a.samples.iter().zip(&b.samples).map(|(x, y)| (x - y).abs()).sum();
+        assert!(
+            difference < 0.01 * a.samples.iter().sum::<f32>(),
+            "{}: the picture is another one",
+            a.name
+        );
+    }
+}
+
+#[test]
+fn caches_of_two_views_are_joined() {
+    let desk = Desk::new();
+    // Two halves of the picture, each filled by itself, as two machines would.
+    desk.cached(
+        "indirect-room",
+        &["--crop", "0,0,16,24", "--prepass-only", "--cache-save", "left.lumi"],
+    );
+    assert!(!desk.path("out.exr").exists(), "a prepass writes no picture");
+    desk.cached(
+        "indirect-room",
+        &["--crop", "16,0,32,24", "--prepass-only", "--cache-save", "right.lumi"],
+    );
+    desk.print(&["cache", "merge", "-o", "both.lumi", "left.lumi", "right.lumi"]);
+    let [left, right, both] = ["left.lumi", "right.lumi", "both.lumi"].map(|f| desk.records(f));
+    assert!(both > left.max(right) && both <= left + right, "{left} and {right} make {both}");
+    desk.print(&["cache", "merge", "-o", "again.lumi", "both.lumi", "left.lumi", "right.lumi"]);
+    assert!(
+        desk.bytes("again.lumi") == desk.bytes("both.lumi"),
+        "joining what is there changes something"
+    );
+    desk.cached(
+        "indirect-room",
+        &["--cache-load", "left.lumi", "--cache-load", "right.lumi", "--cache-save", "whole.lumi"],
+    );
+    assert!(desk.records("whole.lumi") >= both);
+
+    let csv = desk.print(&["cache", "dump", "both.lumi"]);
+    assert_eq!(csv.lines().count() as u64, both + 1);
+    assert!(csv.lines().all(|l| l.split(',').count() == 14));
+    let list: Value =
+        serde_json::from_str(&desk.print(&["cache", "dump", "both.lumi", "--format", "json"]))
+            .unwrap();
+    assert_eq!(list.as_array().unwrap().len() as u64, both);
+    assert!(
+        list[0]["position"].as_array().unwrap().len() == 3
+            && list[0]["length"].as_f64().unwrap() > 0.0
+    );
+    let ply = desk.print(&["cache", "dump", "both.lumi", "--format", "ply"]);
+    assert!(
+        ply.starts_with("ply\nformat ascii 1.0\n")
+            && ply.contains(&format!("element vertex {both}\n"))
+    );
+    let info = desk.print(&["cache", "info", "both.lumi"]);
+    assert!(
+        ["geometry", "materials", "lights", "max bounces  unlimited", "rays"]
+            .iter()
+            .all(|w| info.contains(w)),
+        "{info}"
+    );
+}
+
+#[test]
+fn stale_and_broken_files_are_refused_each_in_its_own_words() {
+    let desk = Desk::new();
+    let (room, cornell) = (scene("indirect-room"), scene("cornell-box"));
+    let (room, cornell) = (room.as_str(), cornell.as_str());
+    desk.cached("indirect-room", &["--prepass-only", "--cache-save", "a.lumi"]);
+    let with = |scene, more: &[&'static str]| {
+        [&["render", scene], SHORT, &["--cache-load", "a.lumi"], more].concat()
+    };
+    desk.fail(&with(cornell, &[]), &["a.lumi", "another scene", "geometry"]);
+    desk.fail(&with(room, &["--error", "0.7"]), &["a.lumi", "other settings", "error"]);
+    desk.fail(&with(room, &["--max-bounces", "3"]), &["a.lumi", "3"]);
+    desk.fail(&with(room, &["--integrator", "path"]), &["--integrator cache"]);
+    desk.print(&[&with(room, &["--error", "0.7", "--cache-reuse", "-o", "out.exr"])[..]].concat());
+    desk.cached("cornell-box", &["--prepass-only", "--cache-save", "c.lumi"]);
+    desk.fail(
+        &["cache", "merge", "-o", "d.lumi", "a.lumi", "c.lumi"],
+        &["c.lumi", "another scene"],
+    );
+    assert!(!desk.path("d.lumi").exists());
+
+    let whole = desk.bytes("a.lumi");
+    std::fs::write(desk.path("a.lumi"), &whole[..whole.len() / 2]).unwrap();
+    desk.fail(&with(room, &[]), &["a.lumi", "checksum"]);
+    std::fs::write(desk.path("a.lumi"), "nothing").unwrap();
+    desk.fail(&with(room, &[]), &["a.lumi", "not a cache file"]);
+    desk.fail(&["cache", "info", "none.lumi"], &["none.lumi"]);
+    assert_eq!(
+        desk.run(&[&["render", room], SHORT, &["--cache-reuse"]].concat()).status.code(),
+        Some(2)
+    );
+}
