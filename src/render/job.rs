@@ -442,7 +442,7 @@ mod tests {
         assert_eq!((one.spp, one.noise), (16, 0.04));
         assert_eq!((four.spp, four.noise), (64, 0.02));
         assert_eq!(least.spp, 1);
-        assert_eq!(four.scheme.rays, 2 * one.scheme.rays);
+        assert_eq!(four.scheme.gather.rays, 2 * one.scheme.gather.rays);
         let given = Job::new(&scene).scheme(one.scheme.clone()).quality(4.0).settings().unwrap();
         assert_eq!((given.spp, &given.scheme), (64, &one.scheme));
         for bad in [0.0, 101.0, f32::NAN] {
