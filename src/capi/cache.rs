@@ -3,7 +3,7 @@
 use super::abi::{lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
 use super::device::pool;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
-use super::scene::{SceneObject, World};
+use super::scene::{SceneKind, SceneObject};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
@@ -20,9 +20,9 @@ use std::time::Instant;
 
 /// Points of each deeper level, unless the setting `deeper_points` says otherwise.
 const DEEPER_POINTS: u32 = 16_384;
-/// Width of a pixel where the host gives none, as a share of the scene's diagonal.
+/// Width of a pixel where the host gives none, as a fraction of the scene's diagonal.
 const FOOTPRINT: f32 = 0.002;
-/// Footprint of points that the camera does not see, as a share of the scene's diagonal.
+/// Footprint of points that the camera does not see, as a fraction of the scene's diagonal.
 const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// What a cache is made by.
@@ -138,9 +138,9 @@ impl CacheObject {
         f: impl FnOnce(&dyn RadianceProbe) -> R,
     ) -> Outcome<R> {
         let max_bounces = self.settings().max_bounces;
-        Ok(match &self.scene.committed()?.world {
-            World::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
-            World::Host(host) => f(&self.host_probe(host, exchange, progress)?),
+        Ok(match &self.scene.committed()?.kind {
+            SceneKind::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
+            SceneKind::Host(host) => f(&self.host_probe(host, exchange, progress)?),
         })
     }
 
