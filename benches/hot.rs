@@ -7,7 +7,6 @@ mod pictures;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use lumicache::accel::{Coherence, Hit, Ray};
-use lumicache::cache::LevelPoints;
 use lumicache::gather::{Density, HemisphereSamples, Layout, NoDeeper, TriangleRadiance};
 use lumicache::geometry::SurfacePoint;
 use lumicache::sampling::{Rng, hash, square_to_cosine_hemisphere};
@@ -34,7 +33,7 @@ fn lookup(c: &mut Criterion) {
         let (scene, asked) = seen(name);
         let points = pictures::seen(&scene, &scene.cameras()[0], SIZE, 2);
         let scheme = pictures::scheme("auto");
-        let (cache, _) = pictures::fill(&scene, scheme, &LevelPoints { points, round: 0 });
+        let (cache, _) = pictures::fill(&scene, scheme, &points.into());
         group.throughput(Throughput::Elements(asked.len() as u64));
         group.bench_function(name, |b| {
             b.iter(|| asked.iter().filter_map(|p| cache.lookup(0, p, u32::MAX)).count());

@@ -11,6 +11,7 @@ use crate::cache::{Cache, Live, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
 use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
+use crate::render::Job;
 use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{CString, c_char, c_void};
@@ -29,6 +30,8 @@ const DEEPER_FOOTPRINT: f32 = 0.004;
 #[derive(Clone)]
 pub(super) struct Settings {
     pub scheme: Scheme,
+    /// What `scheme` was scaled by.
+    pub quality: f32,
     pub max_bounces: u32,
     pub seed: u64,
     pub deeper_points: u32,
@@ -212,10 +215,14 @@ impl Settings {
             parsed.ok_or_else(|| wrong(format!("a whole number from {low} to {high}")))
         };
         match name {
-            "preset" => self.scheme = Preset::from_name_or_text(value)?.scheme(),
+            "preset" => {
+                (self.scheme, self.quality) = (Preset::from_name_or_text(value)?.scheme(), 1.0);
+            }
             "quality" => {
-                let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
-                self.scheme.scale_quality(quality.ok_or_else(|| wrong("0.01 to 100".into()))?);
+                let quality = value.parse().ok().filter(|q| Job::QUALITY.contains(q));
+                let quality: f32 = quality.ok_or_else(|| wrong("0.01 to 100".into()))?;
+                self.scheme.scale_quality(quality / self.quality);
+                self.quality = quality;
             }
             "max_bounces" => {
                 self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX)
@@ -253,8 +260,8 @@ pub unsafe extern "C" fn lumi_cache_new(
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::from_name_or_text(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
-        let settings =
-            Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
+        let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };
         let object = CacheObject {
             touched: scene.touched.child(),
             scene,

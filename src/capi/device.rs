@@ -16,6 +16,9 @@ use std::path::PathBuf;
 
 /// The environment variable that names the folder of tables where the host names none.
 const TABLES: &str = "LUMICACHE_TABLES";
+/// The environment variable that names the file of Embree, in builds that load it at run time.
+#[cfg(feature = "private-embree")]
+const EMBREE: &str = "LUMICACHE_EMBREE";
 
 /// A device.
 pub(super) struct DeviceObject {
@@ -71,6 +74,10 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
                 ensure!(false, "config: there is no `{key}`; there are threads, backend and tables")
             }
         }
+    }
+    #[cfg(feature = "private-embree")]
+    if let Some(path) = std::env::var_os(EMBREE).filter(|path| !path.is_empty()) {
+        crate::ffi::embree::name_library(path);
     }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();

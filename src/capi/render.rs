@@ -82,16 +82,19 @@ impl CacheObject {
             Some(lobes) => Caches::with(before, Some(lobes)),
             None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
-        let job = Job::new(scene)
+        let mut job = Job::new(scene)
             .scheme(made_by.scheme)
+            .quality(made_by.quality)
             .integrator(integrator)
             .camera(camera(desc)?)
             .size(desc.width, desc.height)
-            .spp(if desc.samples == 0 { 16 } else { desc.samples })
             .max_bounces(made_by.max_bounces)
             .seed(made_by.seed)
             .caches(before)
             .progress(&progress);
+        if desc.samples > 0 {
+            job = job.spp(desc.samples);
+        }
         let frame = self.run(&progress, true, |_| job.run())??.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);

@@ -28,7 +28,7 @@ fn answers_equal_those_of_the_rust_api() {
         .build()
         .unwrap();
     pool.install(|| {
-        let first = LevelPoints::scattered(surfaces.clone(), seed);
+        let first = scattered(surfaces.clone(), seed);
         let second = LevelPoints {
             points: tracer.next_points(&first.points, 500, hash(&[seed, 2, 1])),
             round: 0,

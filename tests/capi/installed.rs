@@ -186,7 +186,7 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
         .build()
         .unwrap();
     pool.install(|| {
-        let first = LevelPoints::scattered(points.clone(), 0);
+        let first = scattered(points.clone(), 0);
         let second = LevelPoints {
             points: tracer.next_points(&first.points, 16_384, hash(&[0, 2, 1])),
             round: 0,

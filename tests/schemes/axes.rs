@@ -2,11 +2,11 @@
 //! direct light in records, and light paths joined to gathers.
 
 use crate::support::pictures::{
-    assert_alike, beauty, build, cached, fill, own, render, scheme, seen, settings,
+    assert_alike, beauty, build, cached, fill, own, render, scheme, seen, settings, with, with_rays,
 };
 use lumicache::cache::{
-    Axes, CacheFile, Contents, DirectSamples, Extrapolation, Footprint, LevelPoints, Origin,
-    Outline, Reach, Record, SECTORS, Scheme,
+    Area, Axes, CacheFile, Contents, DirectSamples, Extrapolation, Irradiance, LevelPoints, Origin,
+    Outline, RadiusRule, Record, SECTORS, Scheme,
 };
 use lumicache::gather::{
     Arrival, Bundle, Deeper, Density, DirectLight, HemisphereSamples, HitKind, Layout, LightChoice,
@@ -75,11 +75,12 @@ fn gathered(probe: &dyn RadianceProbe, at: &SurfacePoint, rays: u32) -> Hemisphe
 }
 
 /// The record at the origin of a floor, in a scene of diagonal 10.
-fn record(probe: &dyn RadianceProbe, scheme: &Scheme) -> Record {
+fn record(probe: &dyn RadianceProbe, scheme: &Scheme) -> Record<Irradiance> {
     let at = floor(Vec3::ZERO);
     let samples = gathered(probe, &at, 4096);
     let direct = DirectSamples::new(probe, &at, &samples, 1);
-    Record::new(scheme, &Reach::new(scheme, 0, 10.0, 1.0), &at, &samples, direct.as_ref())
+    let rule = RadiusRule::new(scheme, 0, 10.0, 1.0);
+    Irradiance::gathered(scheme, &rule, &at, &samples, direct.as_ref())
 }
 
 /// The preset whose axes err by `error` at most.
@@ -87,8 +88,8 @@ fn aric11(error: f32) -> Scheme {
     with(scheme("aric11"), |s| s.extrapolation = Extrapolation::Axes { error, light_paths: 0 })
 }
 
-fn axes(record: &Record) -> &Axes {
-    record.axes.as_deref().expect("the scheme extrapolates along axes")
+fn axes(record: &Record<Irradiance>) -> &Axes {
+    record.payload.axes.as_deref().expect("the scheme extrapolates along axes")
 }
 
 /// Black, and a black ceiling at the height 100.
@@ -102,7 +103,7 @@ fn below_lamp(h: f32, x: f32) -> f32 {
 }
 
 /// Places and normals as shares of an axis and of the largest tilt.
-fn lookup(record: &Record, offset: Vec3, n: Vec3) -> f32 {
+fn lookup(record: &Record<Irradiance>, offset: Vec3, n: Vec3) -> f32 {
     axes(record).at(record.normal, offset, n).1.unwrap().x
 }
 
@@ -122,9 +123,7 @@ fn areas_end_at_what_is_near_on_each_side() {
     let scheme = with(aric11(0.0), |s| {
         (s.contents, s.radius.max_aspect) = (Contents::Indirect, 100.0);
     });
-    let Footprint::Sectors { axis, r } = record(&probe, &scheme).shape else {
-        panic!("no sectors")
-    };
+    let Area::Sectors { axis, r } = record(&probe, &scheme).shape else { panic!("no sectors") };
     let towards = (0..SECTORS).find(|k| {
         let (sin, cos) = (std::f32::consts::FRAC_PI_4 * *k as f32).sin_cos();
         (cos * axis + sin * Vec3::Z.cross(axis)).dot(Vec3::X) > 0.99
@@ -351,11 +350,11 @@ fn records_hold_what_lamps_and_sky_send() {
     // light against that of many more samples.
     let environment = Some(EnvironmentMap::constant(Color::splat(2000.0)));
     let scene = build(SceneData { environment, ..own("ies-hall") });
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], [32, 18], 0), round: 0 };
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], [32, 18], 0));
     let scheme = with_rays(aric11(0.1), 64);
     let (cache, _) = fill(&scene, scheme, &points);
-    let records = cache.level(0).unwrap().records();
-    let held = |r: &Record| luminance(axes(r).direct.unwrap().irradiance);
+    let records = cache.records(0);
+    let held = |r: &Record<Irradiance>| luminance(axes(r).direct.unwrap().irradiance);
     assert!(records.iter().map(held).sum::<f32>() > 0.0);
     let interpolated = |p: &SurfacePoint| cache.lookup(0, p, u32::MAX)?.direct;
     let got: f32 = points.points.iter().filter_map(interpolated).map(luminance).sum();
@@ -376,7 +375,7 @@ fn records_hold_what_lamps_and_sky_send() {
 #[test]
 fn files_keep_axes_and_spare_records_without() {
     let scene = build(own("staircase"));
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], [24, 32], 0), round: 0 };
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], [24, 32], 0));
     for (preset, most) in [("aric11", 1300), ("ward88", 350)] {
         let (cache, _) = fill(&scene, with_rays(scheme(preset), 64), &points);
         let file = CacheFile::new(

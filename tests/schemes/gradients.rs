@@ -68,8 +68,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Caches that use each of [`METHODS`], filled for the points of the rows `rows`.
 fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache; 3] {
-    let points =
-        LevelPoints { points: rows.flat_map(|y| row(tracer, size.side, y)).collect(), round: 0 };
+    let points = LevelPoints::from(rows.flat_map(|y| row(tracer, size.side, y)).collect());
     METHODS.map(|gradient| {
         let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
         (scheme.gather.rays, scheme.gather.gradient) = (size.rays, gradient);
@@ -101,7 +100,7 @@ fn interpolation(
             f64::from(luminance(answer.irradiance)) / e - 1.0
         }))
     };
-    ([0, 1, 2].map(|k| error(&caches[k])), caches[0].level(0).unwrap().records().len())
+    ([0, 1, 2].map(|k| error(&caches[k])), caches[0].records(0).len())
 }
 
 /// RMS error of each method's gradient at the points of row `y`, as a share of the RMS of the true

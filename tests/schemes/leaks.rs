@@ -1,7 +1,7 @@
 //! Light must not pass through thin walls by way of the cache.
 
 use crate::support::pictures::sectors;
-use crate::support::pictures::{build, cached, own, render, scheme};
+use crate::support::pictures::{build, cached, own, render, scheme, with};
 use lumicache::cache::Scheme;
 use lumicache::math::Color;
 

@@ -2,10 +2,12 @@
 //! and that they hold what they should.
 
 use crate::support::pictures::{
-    assert_alike, beauty, build, cached, fill, own, render, scheme, sectors, seen, settings,
+    assert_alike, beauty, build, cached, clamp_to_neighbours, fill, one_level, own, render, scheme,
+    sectors, seen, settings, with, with_rays,
 };
 use lumicache::cache::{
-    Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Preset, Reach, Record, Scheme, Weight,
+    Cache, Curve, Irradiance, Kernel, Level, LevelPoints, PRESETS, Preset, RadiusRule, Record,
+    Scheme, Validity, Weight,
 };
 use lumicache::gather::{Bundle, Deeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
@@ -22,12 +24,12 @@ pub fn staircase(round: usize) -> (Scene, LevelPoints) {
     let scene = build(own("staircase"));
     let points = seen(&scene, &scene.cameras()[0], SIZE, 0);
     assert!(points.len() > 2000);
-    (scene, LevelPoints { points, round })
+    (scene, LevelPoints { points, round, ..LevelPoints::default() })
 }
 
 /// With few rays: what is tested here does not depend on their number.
 pub fn quick(scheme: Scheme) -> Scheme {
-    Scheme { rays: scheme.rays.min(64), ..scheme }
+    with_rays(scheme, 64)
 }
 
 /// Every preset, and a scheme of our own with what no preset has: sectors and extrapolation to
@@ -49,7 +51,7 @@ fn a_larger_error_needs_fewer_records() {
             let scheme = quick(preset.scheme());
             let (cache, stats) =
                 fill(&scene, with(scheme, |s| s.validity.error *= factor), &points);
-            let records = first(&cache).records().len();
+            let records = cache.records(0).len();
             let layout = cache.scheme().layout(0);
             let (once, again) =
                 (layout.rays() as u64, layout.with_rays(4 * layout.rays() as u32).rays() as u64);
@@ -75,10 +77,10 @@ fn records_are_numbers_and_reach_within_the_limits() {
     for preset in PRESETS.iter() {
         let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
         let (scheme, reach) =
-            (cache.scheme(), Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0));
+            (cache.scheme(), RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0));
         let scale =
             if scheme.validity.kernel == Kernel::Tabellion { scheme.validity.error } else { 1.0 };
-        for r in first(&cache).records() {
+        for r in cache.records(0) {
             assert!(
                 r.position.is_finite()
                     && r.irradiance.is_finite()
@@ -163,7 +165,7 @@ fn every_point_that_was_filled_is_covered() {
 #[test]
 fn no_record_is_used_beyond_the_limit_of_normals() {
     let scene = build(own("curved-spheres"));
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], SIZE, 0), round: 0 };
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], SIZE, 0));
     // One preset of each kernel, so careless that nothing else would end a record.
     for (preset, error) in
         [("ward-heckbert92", 3.0), ("tabellion04", 1.0), ("schwarzhaupt12", 1.0), ("aric11", 3.0)]
@@ -176,14 +178,12 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
                 s.validity = Validity { error, normal_limit, smoothing: 1.0, ..s.validity };
             });
             let (cache, _) = fill(&scene, careless, &points);
-            let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0);
+            let reach = RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0);
             let (mut used, mut widest) = (0, 0.0_f32);
-            for (p, r) in points
-                .points
-                .iter()
-                .flat_map(|p| first(&cache).records().iter().map(move |r| (p, r)))
+            for (p, r) in
+                points.points.iter().flat_map(|p| cache.records(0).iter().map(move |r| (p, r)))
             {
-                if r.error_at(&reach, p, f32::INFINITY).is_some_and(|e| e < 1.0) {
+                if reach.error_of(r, p, f32::INFINITY).is_some_and(|e| e < 1.0) {
                     (used, widest) =
                         (used + 1, widest.max(p.frame.n.dot(r.normal).min(1.0).acos()));
                 }
@@ -192,15 +192,17 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
                 used > 1000 && widest < 1.001 * normal_limit && widest > 0.8 * normal_limit,
                 "{preset}: {widest}"
             );
-            first(&cache).records().len()
+            cache.records(0).len()
         });
         assert!(counts[1] < counts[0], "{preset}: {counts:?} records");
     }
 }
 
 /// Pairs of records of which one reaches further than the other and the way between them allow.
-fn missed(records: &[Record]) -> usize {
-    let excess = |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
+fn missed(records: &[Record<Irradiance>]) -> usize {
+    let excess = |a: &Record<Irradiance>, b: &Record<Irradiance>| {
+        a.length - b.length - (a.position - b.position).length()
+    };
     records
         .iter()
         .flat_map(|a| records.iter().map(move |b| (a, b)))
@@ -220,7 +222,7 @@ fn clamped_records_have_missed_no_feature() {
         let free = fill(false);
         assert!(missed(first(&free).records()) > 0, "{}: the test cannot fail", preset.name);
         let cache = fill(true);
-        let records = first(&cache).records();
+        let records = cache.records(0);
         assert_eq!(missed(records), 0, "{}: |R_i - R_j| <= d_ij does not hold", preset.name);
         // The closed form: no record is shorter than its neighbours demand.
         for r in records {
@@ -242,9 +244,9 @@ fn clamped_records_have_missed_no_feature() {
 /// records.
 fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color, f32, u32)> {
     let scheme = cache.scheme();
-    let reach = Reach::new(scheme, 0, cache.scene_size(), scheme.validity.smoothing);
+    let reach = RadiusRule::new(scheme, 0, cache.scene_size(), scheme.validity.smoothing);
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
-    for r in first(cache).records().iter().take(limit) {
+    for r in cache.records(0).iter().take(limit) {
         let (area, slope) = reach.area(r);
         let share = r.error / scheme.validity.error;
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
@@ -286,9 +288,13 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
     for (name, scheme) in all() {
         scheme.check().unwrap();
         let (cache, _) = fill(&scene, quick(scheme), &points);
-        let records = first(&cache).records();
-        let reach =
-            Reach::new(cache.scheme(), 0, cache.scene_size(), cache.scheme().validity.smoothing);
+        let records = cache.records(0);
+        let reach = RadiusRule::new(
+            cache.scheme(),
+            0,
+            cache.scene_size(),
+            cache.scheme().validity.smoothing,
+        );
         let mut found = 0;
         for k in 0..2000 {
             // Around a record out to a little beyond its reach, with its normal tilted by up to 40
@@ -410,12 +416,11 @@ fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
         ..SurfacePoint::plain(Vec3::new(x, 0.0, 0.0), Vec3::Z)
     };
     for row in [vec![at(-0.05), at(-0.03)], vec![at(0.0)]] {
-        let stats = cache
-            .fill(&Hollow, 0, &LevelPoints { points: row, round: 0 }, 1, &Progress::default())
-            .unwrap();
+        let stats =
+            cache.fill(&Hollow, 0, &LevelPoints::from(row), 1, &Progress::default()).unwrap();
         assert_eq!(stats.retaken, 0);
     }
-    let records = first(&cache).records();
+    let records = cache.records(0);
     assert_eq!(records.len(), 3);
     assert!(
         records.iter().all(|r| (r.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01),

@@ -6,6 +6,7 @@
 //! 256 rays per record instead of the report's 64, whose noise would hide half of the difference.
 
 use crate::support::bsdfs::point;
+use crate::support::pictures::with;
 use lumicache::accel::Backend;
 use lumicache::cache::{Cache, Extrapolation, FillStats, LevelPoints, Preset};
 use lumicache::gather::{

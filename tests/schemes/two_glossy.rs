@@ -189,7 +189,7 @@ fn records_at_the_hits_tell_how_the_light_they_know_changes() {
     let hits = tracer.next_cached(&[at], 16_384, 1, Some(&gloss.service(&scheme)));
     let (points, orders) =
         hits.into_iter().map(|(point, _)| (point, scheme.glossy().order)).unzip();
-    let points = RadiancePoints { points: LevelPoints { points, round: 0 }, orders };
+    let points = RadiancePoints { points: LevelPoints::from(points), orders };
     let cache = Cache::new(scheme.clone(), u32::MAX, scene.size());
     gloss.levels[1].fill(&Dawn, &points, &cache, None, 1, &Progress::default()).unwrap();
     assert!(

@@ -2,15 +2,11 @@
 //! makes of them, what they hold.
 
 use crate::support::pictures::{build, cached, own, render};
-use lumicache::cache::{
-    Extrapolation, FootprintKind, HitStorage, RadianceMetric, Record, Scheme, Storage,
-};
-use lumicache::gather::HitChange;
+use lumicache::cache::{Extrapolation, Harmonics, Outline, Record, Scheme};
 use lumicache::math::{Color, Vec3};
-use lumicache::render::Frame;
+use lumicache::render::{Caches, Frame};
 use lumicache::scene::Scene;
 use lumicache::transport::{PathTracer, SceneReflector};
-use std::sync::Arc;
 
 /// What makes another scheme of one.
 type Change<'a> = &'a dyn Fn(&mut Scheme);
@@ -28,11 +24,11 @@ fn boxed(scene: &Scene, preset: &str, change: impl Fn(&mut Scheme)) -> Frame {
     render(scene, &settings)
 }
 
-fn records(frame: &Frame) -> &[Record] {
-    frame.gloss.as_ref().unwrap().levels[0].records()
+fn records(frame: &Frame) -> &[Record<Harmonics>] {
+    frame.caches.as_ref().unwrap().cache.radiance_records(0)
 }
 
-fn on_back_wall(r: &Record) -> bool {
+fn on_back_wall(r: &Record<Harmonics>) -> bool {
     r.normal.z < -0.9 && r.position.z > 5.5
 }
 
@@ -74,16 +70,16 @@ fn another_viewer_changes_areas_on_glossy_surfaces_alone_and_back() {
     let scene = build(own("cornell-box-phong"));
     let frame = boxed(&scene, "zhao-view", |_| ());
     let before = records(&frame).to_vec();
-    let mut gloss = Arc::into_inner(frame.gloss.unwrap()).unwrap();
+    let Caches { mut cache, lobes, .. } = frame.caches.unwrap();
     let reflector = SceneReflector {
         tracer: PathTracer { scene: &scene, max_bounces: 2 },
-        tables: &gloss.tables,
+        tables: lobes.as_ref().unwrap().tables(),
     };
     let eye = Vec3::from(scene.cameras()[0].to_world.translation);
     let mut see = |from: Vec3| -> Vec<f32> {
-        gloss.levels[0].see_from(&reflector, &|x| (from - x).normalize());
-        let ratios = gloss.levels[0]
-            .records()
+        cache.see_from(&reflector, &|x| (from - x).normalize());
+        let ratios = cache
+            .radiance_records(0)
             .iter()
             .zip(&before)
             .map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
@@ -115,10 +111,10 @@ fn records_are_as_large_as_they_should_be() {
     let scene = build(own("cornell-box-phong"));
     let each = |change: Change| {
         let frame = boxed(&scene, "zhao-incoming", change);
-        let gloss = frame.gloss.as_ref().unwrap();
+        let level = frame.caches.as_ref().unwrap().cache.level(0).unwrap();
         // What is there besides the coefficients, the irradiance and its index, is left out.
-        let rest = gloss.levels[0].placement().level(0).unwrap().bytes();
-        ((gloss.levels[0].bytes() - rest) as f64 / records(&frame).len() as f64, frame)
+        let rest = level.irradiance().bytes();
+        ((level.radiance().unwrap().bytes() - rest) as f64 / records(&frame).len() as f64, frame)
     };
     let (first, single) = each(&|_| ());
     let (second, _) = each(&|s| s.extrapolation = Extrapolation::Second);

@@ -1,14 +1,10 @@
 //! Pictures made inside the tests: scenes, frames, and the evidence left behind when one is wrong.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{
-    Cache, ErrorMeasure, Extrapolation, FillStats, FootprintKind, Kernel, LevelPoints, Metric,
-    Preset, Scheme, Strata,
-};
+use lumicache::cache::{Cache, Clamping, FillStats, LevelPoints, Preset, Scheme};
 use lumicache::camera::Camera;
 use lumicache::compare::{Options, Report, compare};
 use lumicache::film::LAYERS;
-use lumicache::gather::TranslationalGradient;
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::import;
@@ -228,18 +224,17 @@ pub fn assert_alike(
 
 /// The default preset with sectors from the Hessian in the place of its discs.
 pub fn sectors() -> Scheme {
-    Scheme {
-        strata: Strata::Concentric,
-        metric: Metric::Hessian,
-        error_measure: ErrorMeasure::Total,
-        footprint: FootprintKind::Sectors,
-        kernel: Kernel::Schwarzhaupt,
-        normal_limit: 0.2,
-        error: 1e-5,
-        translational_gradient: TranslationalGradient::Triangulated,
-        extrapolation: Extrapolation::Second,
-        nearest_fraction: 0.0,
-        neighbour_clamp: false,
-        ..Preset::by_name("auto").unwrap().scheme()
-    }
+    let settings = [
+        ("gather.strata", "concentric"),
+        ("gather.gradient", "triangulated"),
+        ("radius.metric", "hessian-total"),
+        ("radius.area", "sectors"),
+        ("radius.nearest", "0"),
+        ("validity.kernel", "schwarzhaupt"),
+        ("validity.normal_limit", "0.2"),
+        ("validity.error", "1e-5"),
+        ("extrapolation.kind", "second"),
+        ("clamping", "gradient"),
+    ];
+    with(scheme("auto"), |s| s.set_all(settings).unwrap())
 }

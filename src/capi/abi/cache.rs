@@ -146,7 +146,8 @@ pub struct lumi_render_desc {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Samples per pixel; 0: 16.
+    /// Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times as
+    /// many where a pixel of the cache is still noisy.
     pub samples: u32,
     /// Zero.
     pub reserved: u32,
