@@ -20,7 +20,7 @@ use std::time::Instant;
 
 /// Paths per point for glossy light where the host gives no number.
 const GLOSSY_SAMPLES: u32 = 16;
-/// Points between two looks at the current snapshot.
+/// Points that are looked up in one snapshot.
 const CHUNK: usize = 4096;
 
 /// The points of a query in the host's memory.
@@ -75,7 +75,7 @@ impl Points {
         ))
     }
 
-    /// True if the host says from where they are looked at.
+    /// True if the host gives directions to the viewer.
     pub fn have_wo(&self) -> bool {
         self.wo.is_some()
     }
