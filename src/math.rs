@@ -73,3 +73,12 @@ impl Frame {
         self.s * v.x + self.t * v.y + self.n * v.z
     }
 }
+
+/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place of `t` in the
+/// cell.
+#[inline]
+pub fn cell(t: f32, count: usize) -> (usize, f32) {
+    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
+    let i = (x as usize).min(count - 2);
+    (i, x - i as f32)
+}

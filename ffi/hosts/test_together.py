@@ -1,10 +1,12 @@
-"""Lumicache beside other libraries in one process: the answers and the version of Embree stay the same.
+"""Lumicache beside other libraries in one process: answers and version of Embree stay the same.
 
    python test_together.py LIBRARY SCENE.gltf EXPECTED-EMBREE [STEP...]
 
-Steps, in the order in which they are done: `lumicache` (load it and ask), a Python module to import, or the path of a library that is loaded into the global symbol scope. Prints a hash of
-the answers; the caller compares those of different orders.
+Steps, done in order: `lumicache` (load it and ask), a Python module to import, or the path of a
+library that is loaded into the global symbol scope. Prints a hash of the answers; the caller
+compares the hashes of different orders.
 """
+
 import ctypes
 import hashlib
 import importlib

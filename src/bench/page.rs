@@ -29,6 +29,7 @@ const HEADINGS: [&str; 12] = [
     "MAPE",
     "mean",
 ];
+const NOT_EQUAL: &str = "* more than 5 % from the wanted number: no error that was tried gives it.";
 /// Size of the diagram in pixels.
 const DIAGRAM: (u32, u32) = (760, 440);
 
@@ -72,7 +73,7 @@ pub fn html(report: &Report, folder: &Path) -> Result<String> {
                     @for r in &report.rows { (row(r)) }
                 }
                 @if report.rows.iter().any(|r| !r.equal) {
-                    p { "* more than 5 % from the wanted number: no error that was tried gives it." }
+                    p { (NOT_EQUAL) }
                 }
                 h2 { "relMSE over the number of records" }
                 (PreEscaped(diagram(report)?))

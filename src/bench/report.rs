@@ -141,9 +141,8 @@ impl Report {
             );
         }
         if let Some(noise) = self.noise {
-            text += &format!(
-                "relMSE of the reference itself: {noise:.2e}; own errors are without the reference's\n"
-            );
+            text += &format!("relMSE of the reference itself: {noise:.2e}");
+            text += "; own errors are without the reference's\n";
         }
         if self.rows.iter().any(|r| !r.equal) {
             text += "* more than 5 % from the wanted number: no error that was tried gives it\n";

@@ -7,12 +7,14 @@ use super::abi::{
 use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::scene::{SceneObject, World};
 use super::status::{
-    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error,
+    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error,
+    state,
 };
 use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
 use crate::hosted::{Exchange, Host, HostProbe};
 use crate::progress::Progress;
+use crate::render::Job;
 use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
 use std::ffi::{c_char, c_void};
@@ -32,6 +34,8 @@ const DEEPER_FOOTPRINT: f32 = 0.004;
 #[derive(Clone)]
 pub(super) struct Settings {
     pub scheme: Scheme,
+    /// What `scheme` was scaled by.
+    pub quality: f32,
     pub max_bounces: u32,
     pub seed: u64,
     pub deeper_points: u32,
@@ -136,11 +140,8 @@ impl CacheObject {
 
     fn set(&self, name: &str, value: &str) -> Outcome {
         let _alone = self.change()?;
-        if self.live.read(|s| s.record_count() > 0) {
-            return Err(Fault::operation(
-                "the cache has records: clear it before its settings change",
-            ));
-        }
+        let empty = self.live.read(|s| s.record_count() == 0);
+        state(empty, "the cache has records: clear it before its settings change")?;
         lock(&self.settings).set(name, value)?;
         self.put(self.empty()?, None);
         Ok(())
@@ -228,22 +229,21 @@ impl CacheObject {
 
 impl Settings {
     fn set(&mut self, name: &str, value: &str) -> Outcome {
+        let wrong =
+            |what: String| Fault::argument(format!("setting `{name}` is {value}, expected {what}"));
         let number = |low: i64, high: i64| {
             let parsed = value.parse::<i64>().ok().filter(|n| (low..=high).contains(n));
-            parsed.ok_or_else(|| {
-                Fault::argument(format!(
-                    "setting `{name}` is {value}, expected a whole number from {low} to {high}"
-                ))
-            })
+            parsed.ok_or_else(|| wrong(format!("a whole number from {low} to {high}")))
         };
         match name {
-            "preset" => self.scheme = Preset::from_name_or_text(value)?.scheme(),
+            "preset" => {
+                (self.scheme, self.quality) = (Preset::from_name_or_text(value)?.scheme(), 1.0);
+            }
             "quality" => {
-                let quality = value.parse().ok().filter(|q| (0.01..=100.0).contains(q));
-                let quality: f32 = quality.ok_or_else(|| {
-                    Fault::argument(format!("setting `quality` is {value}, expected 0.01 to 100"))
-                })?;
-                self.scheme.scale_quality(quality);
+                let quality = value.parse().ok().filter(|q| Job::QUALITY.contains(q));
+                let quality: f32 = quality.ok_or_else(|| wrong("0.01 to 100".into()))?;
+                self.scheme.scale_quality(quality / self.quality);
+                self.quality = quality;
             }
             "max_bounces" => {
                 self.max_bounces = u32::try_from(number(-1, 1 << 16)?).unwrap_or(u32::MAX)
@@ -253,10 +253,8 @@ impl Settings {
             _ => {
                 let groups = ["refinement", "glossy"];
                 if !groups.contains(&name) && settings().iter().all(|s| s.name != name) {
-                    return Err(Fault::new(
-                        LUMI_ERROR_UNSUPPORTED,
-                        format!("there is no setting `{name}`"),
-                    ));
+                    let text = format!("there is no setting `{name}`");
+                    return Err(Fault::new(LUMI_ERROR_UNSUPPORTED, text));
                 }
                 self.scheme.set(name, value)?;
             }
@@ -283,8 +281,8 @@ pub unsafe extern "C" fn lumi_cache_new(
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::from_name_or_text(preset)?.scheme();
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
-        let settings =
-            Settings { scheme, max_bounces: u32::MAX, seed: 0, deeper_points: DEEPER_POINTS };
+        let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
+        let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };
         let object = CacheObject {
             touched: scene.touched.child(),
             scene,
@@ -316,9 +314,8 @@ pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
     guard_void("lumi_cache_release", || release::<CacheObject>(cache));
 }
 
-/// Sets a number of the scheme, such as "validity.error", "radius.max_radius"
-/// or "quality". Fails with
-/// LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
+/// Sets a number of the scheme, such as "validity.error" or "radius.max_radius", or "quality".
+/// Fails with LUMI_ERROR_UNSUPPORTED for a name that this version does not know, and with
 /// LUMI_ERROR_INVALID_OPERATION once the cache has records.
 ///
 /// Threads: one per cache.
@@ -363,7 +360,7 @@ pub unsafe extern "C" fn lumi_cache_set_str(
     })
 }
 
-/// Sets who watches lumi_cache_build and lumi_cache_render; NULL: nobody.
+/// Sets the callback that watches lumi_cache_build and lumi_cache_render; NULL: none.
 ///
 /// Threads: any; the callback runs on the thread that builds.
 #[unsafe(no_mangle)]
@@ -379,7 +376,8 @@ pub unsafe extern "C" fn lumi_cache_set_progress(
     })
 }
 
-/// Joins what fills have added into one index, and refuses more records: lookups are fastest then.
+/// Joins the records of all fills into one index, and refuses more records. Lookups are fastest
+/// then.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
@@ -392,8 +390,8 @@ pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
     })
 }
 
-/// Writes all records to a file, by way of a temporary file and a rename, with a checksum and what
-/// they were made for.
+/// Writes all records to a file with a checksum and the scene and settings that they were made for.
+/// The file is complete or not there: it is written elsewhere and renamed.
 ///
 /// `file`: the path, UTF-8.
 ///
@@ -408,9 +406,9 @@ fn reuse(flags: u32) -> Outcome<bool> {
     Ok(flags == LUMI_REUSE)
 }
 
-/// Puts the records of a file in the place of those that the cache has. LUMI_ERROR_STALE_CACHE: the
-/// file was made for another scene or under other settings, which LUMI_REUSE overlooks.
-/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. Failed, the cache is as before.
+/// Replaces the records of the cache by those of a file. LUMI_ERROR_STALE_CACHE: the file was made
+/// for another scene or under other settings; LUMI_REUSE takes it nevertheless.
+/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. After a failure the cache is as before.
 ///
 /// `file`: the path, UTF-8. `flags`: 0 or LUMI_REUSE.
 ///
@@ -424,8 +422,8 @@ pub unsafe extern "C" fn lumi_cache_load(
     guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
 }
 
-/// Adds the records of `src` to `dst`, but for those that it has already. LUMI_ERROR_STALE_CACHE as
-/// for lumi_cache_load.
+/// Adds the records of `src` to `dst`, except those that `dst` has already. LUMI_ERROR_STALE_CACHE
+/// as for lumi_cache_load.
 ///
 /// `flags`: 0 or LUMI_REUSE.
 ///
@@ -442,7 +440,7 @@ pub unsafe extern "C" fn lumi_cache_merge(
     })
 }
 
-/// Drops all records; a frozen cache takes new ones again.
+/// Drops all records. A frozen cache takes new records afterwards.
 ///
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
@@ -470,11 +468,12 @@ pub unsafe extern "C" fn lumi_cache_get_stats(
     })
 }
 
-/// Writes records `first` and following, at most `max`, to `out`: first level first.
+/// Writes at most `max` records to `out`, beginning with record number `first`. The records of the
+/// first level come first.
 ///
 /// `n`: receives how many were written; with `out` NULL, how many there are.
 ///
-/// Threads: any. The numbers of records stay the same only while nothing is added.
+/// Threads: any. The numbers of records stay the same while nothing is added.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_get_records(
     cache: lumi_cache,
@@ -485,9 +484,7 @@ pub unsafe extern "C" fn lumi_cache_get_records(
 ) -> lumi_error {
     guard("lumi_cache_get_records", || {
         let cache = borrow::<CacheObject>(cache)?;
-        if n.is_null() {
-            return Err(Fault::argument("n is NULL"));
-        }
+        ensure!(!n.is_null(), "n is NULL");
         let snapshot = cache.live.snapshot();
         let mut count = 0;
         if out.is_null() {

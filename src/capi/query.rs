@@ -6,7 +6,7 @@ use super::abi::{
 };
 use super::cache::CacheObject;
 use super::handles::borrow;
-use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
+use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, ensure, guard, lumi_error};
 use crate::cache::{Answer, Snapshot, scattered};
 use crate::geometry::SurfacePoint;
 use crate::hosted::surface_point;
@@ -199,9 +199,7 @@ impl CacheObject {
         let scene = self.scene.own().map_err(|f| {
             Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message))
         })?;
-        if points.wo.is_none() {
-            return Err(Fault::argument("glossy radiance needs wo"));
-        }
+        ensure!(points.wo.is_some(), "glossy radiance needs wo");
         let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
@@ -220,10 +218,10 @@ impl CacheObject {
     }
 }
 
-/// Answers for many points. Without LUMI_QUERY_FILL it never waits for another thread, and its
-/// answers depend on the records alone. With it, points that no record answers get one; which
-/// records those are depends on what other threads fill at the same time. A failing or stopping
-/// host leaves the answers that there were.
+/// Looks up many shading points. Without LUMI_QUERY_FILL, the call waits for no other thread, and
+/// the answers depend on the records alone. With LUMI_QUERY_FILL, the call makes records where no
+/// record is valid; these records depend on what other threads fill at the same time. When a host
+/// fails, the answers before the fill stay.
 ///
 /// Threads: any. Lookups run on the calling thread; fills on the device's threads.
 #[unsafe(no_mangle)]

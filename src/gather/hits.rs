@@ -1,8 +1,7 @@
-//! What a gather saw, kept as patches of the surfaces around: the reference to which extrapolated
-//! coefficients are compared.
+//! What a gather saw, kept as patches of the surfaces around. Extrapolated coefficients are
+//! compared with these patches.
 
-use super::HemisphereSamples;
-use super::gradient::MIN_COS_HIT;
+use super::samples::{HemisphereSamples, MIN_COS_HIT};
 use crate::math::{Color, PI, Vec3};
 
 /// A patch around a hit, or a share of the surroundings that are infinitely far.

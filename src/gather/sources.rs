@@ -1,43 +1,11 @@
 //! What a gather saw as point sources that stay where they are, so that irradiance can be had
 //! beside the point, and under another normal, without tracing a ray.
 
-use super::HemisphereSamples;
-use super::gradient::MIN_COS_HIT;
+use super::samples::{HemisphereSamples, MIN_COS_HIT};
 use crate::math::{Color, INV_PI, PI, Vec2, Vec3};
 
 /// Sources worked on at a time.
 const LANES: usize = 8;
-
-/// Light that arrives at a point straight from one place of a light source.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Arrival {
-    /// Unit world direction from the point to the source.
-    pub dir: Vec3,
-    /// Irradiance on a surface across `dir`; zero where something is in the way.
-    pub light: Color,
-}
-
-/// Places on the light sources, chosen once for the surroundings of a point. The same places are
-/// asked about everywhere: what differs from one point to the next is light, not noise.
-pub trait DirectLight {
-    /// Appends what arrives at each of `points` from each place, point by point. The irradiance at
-    /// a point is the sum of its arrivals times the cosine.
-    fn arriving(&self, points: &[Vec3], out: &mut Vec<Arrival>);
-}
-
-/// How [`super::RadianceProbe::lights`] chooses places.
-#[derive(Clone, Copy, Debug)]
-pub struct LightChoice {
-    /// Number of light samples.
-    pub samples: u32,
-    /// Of the directions of the gather's rays every so many stand for the environment.
-    pub every: u32,
-    /// Only those in which its rays met the environment: enough for the point itself, but beside
-    /// it others are free.
-    pub seen: bool,
-    /// Seed of all choices.
-    pub seed: u64,
-}
 
 /// Eight sources that lie relative to the point of the gather, in its local frame.
 #[derive(Clone, Copy, Default)]
@@ -63,17 +31,17 @@ struct Lane {
 /// radiance L that the ray brought. At x', beside the gather in its tangent plane, it gives
 ///
 /// ```text
-/// F' = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)
+/// F'    = Ω cos θ · (cos θ'/cos θ) (cos ξ'/cos ξ) (r² + A/π)/(r'² + A/π)
 /// E(x') = Σ L F' · Σ F/Σ F'
 /// ```
 ///
 /// and F' = 0 behind its own plane. A/π keeps a source finite that the point comes close to; what
 /// is infinitely far, and what is seen at a grazing angle, keeps its F. At the gather itself the
-/// sum is [`HemisphereSamples::irradiance`]. The published sum is without the last factor. But
-/// beside a wall the patches that were seen are left behind, and those ahead were hardly seen: the
-/// patches cover less than the hemisphere that x' has, too, and corners come out dark by tens of
-/// percents. The factor spreads what there is over all of it; in a uniform world irradiance does
-/// not change at all.
+/// sum is [`HemisphereSamples::irradiance`]. The published sum lacks the last factor. But
+/// beside a wall x' leaves behind the patches that were seen, and the patches ahead were hardly
+/// seen. So the patches cover less than the hemisphere of x', and corners come out dark by tens of
+/// percents. The factor spreads the light of the patches over the whole hemisphere; in a uniform
+/// world irradiance does not change at all.
 pub struct PointSources<'a> {
     samples: &'a HemisphereSamples,
     lanes: Vec<Lane>,
@@ -211,9 +179,4 @@ impl PointSources<'_> {
         }
         if weights > 0.0 { seen + low * (0.5 * PI * (1.0 - cos) / weights) } else { seen }
     }
-}
-
-/// The irradiance of `arrivals` on a surface with the unit normal `n`.
-pub fn irradiance_of(arrivals: &[Arrival], n: Vec3) -> Color {
-    arrivals.iter().map(|a| a.light * n.dot(a.dir).max(0.0)).sum()
 }

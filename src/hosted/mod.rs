@@ -12,7 +12,7 @@ mod exchange;
 mod probe;
 mod world;
 
-pub use batch::{Answers, Batch, Rays};
+pub use batch::Batch;
 pub use exchange::{Exchange, run};
 pub use host::{Description, Host};
 pub use probe::{HostProbe, surface_point};

@@ -1,6 +1,6 @@
 //! The probe that gathers in a hosted scene.
 
-use super::batch::{Answers, Rays};
+use super::batch::Batch;
 use super::exchange::Exchange;
 use super::host::Host;
 use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
@@ -70,12 +70,12 @@ fn cosine_direction(seed: u64) -> Vec3 {
 }
 
 impl HostProbe<'_> {
-    fn trace(&self, paths: &[Path], bounces: u32) -> Option<Answers> {
-        let mut rays = Rays::default();
+    fn trace(&self, paths: &[Path], bounces: u32) -> Option<Batch> {
+        let mut batch = Batch::default();
         for p in paths {
-            rays.push(p.origin, p.dir, bounces, hash(&[p.seed, 0]));
+            batch.push(p.origin, p.dir, bounces, hash(&[p.seed, 0]));
         }
-        let answers = self.exchange.ask(rays);
+        let answers = self.exchange.ask(batch);
         if answers.is_none() {
             self.progress.cancel();
         }
@@ -83,7 +83,7 @@ impl HostProbe<'_> {
     }
 
     /// The hit of path `p`, answer `i`, as a point; the normal faces the ray.
-    fn hit(&self, p: &Path, answers: &Answers, i: usize) -> SurfacePoint {
+    fn hit(&self, p: &Path, answers: &Batch, i: usize) -> SurfacePoint {
         let n = answers.normal[i];
         let n = if n.dot(p.dir) > 0.0 { -n } else { n };
         surface_point(p.origin + answers.distance[i] * p.dir, n, n, -p.dir, self.footprint)

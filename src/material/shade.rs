@@ -49,8 +49,8 @@ impl Material {
     /// Radiance emitted towards `sp.wo`, W m⁻² sr⁻¹; zero on back faces unless the material is
     /// double sided.
     ///
-    /// An unlit material returns its base colour on both faces. That is for rays from the camera:
-    /// it must not light other surfaces.
+    /// An unlit material returns its base colour on both faces. The colour is for rays from the
+    /// camera and must not light other surfaces.
     pub fn emission_at(&self, textures: &[Texture], sp: &SurfacePoint) -> Color {
         if self.unlit {
             return self.base_color_at(textures, sp);
@@ -85,10 +85,10 @@ impl Material {
         -Color::new(color.x.ln(), color.y.ln(), color.z.ln()) / self.attenuation_distance
     }
 
-    /// Reads all textures at the point and returns its BSDF in the frame `sp.frame`, which this
-    /// call may change: normal maps tilt it, anisotropic BRDFs take the mesh's tangent, and a
-    /// normal that points away from the viewer or through the geometric surface is bent back,
-    /// so that afterwards `frame.n · ng > 0` and `frame.n · wo > 0`.
+    /// Reads all textures at the point and returns the BSDF in the frame `sp.frame`. This call may
+    /// change the frame: normal maps tilt it, anisotropic BRDFs take the mesh's tangent, and a
+    /// normal that points away from the viewer or through the geometric surface is bent back.
+    /// Afterwards `frame.n · ng > 0` and `frame.n · wo > 0`.
     ///
     /// A normal map needs mesh tangents and is ignored where `sp.tangent` is zero.
     pub fn shade(&self, textures: &[Texture], sp: &mut SurfacePoint) -> Bsdf {
@@ -159,8 +159,8 @@ impl Material {
         }
     }
 
-    /// Turns the shading frame: normal map, anisotropy, and the guarantee that viewer and geometric
-    /// normal are above it.
+    /// Turns the shading frame: normal map, anisotropy, and the guarantee that the viewer and the
+    /// geometric normal are above the shaded surface.
     fn orient(&self, textures: &[Texture], sp: &mut SurfacePoint) {
         let mut n = sp.frame.n;
         if let (Some(map), true) = (&self.normal_texture, sp.tangent.truncate() != Vec3::ZERO) {

@@ -13,6 +13,7 @@ mod selection;
 mod overlay;
 mod output;
 mod stats;
+mod picture;
 mod job;
 mod animation;
 
@@ -20,8 +21,9 @@ pub use animation::{FrameCost, Frames, Sequence, frame_path};
 pub use caches::Caches;
 pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher};
-pub use job::{Job, Picture, camera_number, workers};
+pub use job::{Job, camera_number, workers};
 pub use output::{Facts, write_exr, write_preview};
+pub use picture::Picture;
 pub use selection::Selection;
 pub use sequence::{Growth, fill_sequence};
 pub use settings::{IntegratorKind, Settings};

@@ -65,8 +65,8 @@ pub fn stats(
             "reductions": fill.reductions,
         })
     });
-    // Parts of rendering that run on all threads at once: their thread seconds, and the wall
-    // seconds that is on average.
+    // Parts of rendering that run on all threads at once: their seconds over all threads, and the
+    // mean of these over the threads, about the wall seconds.
     let mut phases = clock.to_json();
     for (name, seconds) in ["interpolate", "direct"].into_iter().zip(frame.shading_seconds) {
         phases[name] = json!({"seconds": seconds / threads as f64, "cpu_seconds": seconds});

@@ -1,8 +1,8 @@
 //! Random numbers that depend on counters alone, low-discrepancy points, and warps with their
 //! densities and inverses.
 
-mod sampler;
 pub mod stream;
+mod sampler;
 mod warp;
 
 pub use sampler::Sampler;

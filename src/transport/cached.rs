@@ -5,7 +5,7 @@ use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
 use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::{Behind, Cache, Hits};
+use crate::cache::{Behind, Cache};
 use crate::gather::LobeCoefficients;
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
@@ -305,12 +305,11 @@ impl<'a> CachedIntegrator<'a> {
         let level = self.level(bounces);
         let records = self.cache.level(level)?.radiance()?;
         let limit = if level == 0 { limit } else { u32::MAX };
-        let answer = match projector.hits() {
-            Hits::None => {
-                lobe.order = lobes.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
-                records.lookup_lobe(projector, &v.point, limit, lobe)
-            }
-            storage => self.tracer.reflect_hits(v, limit, (records, storage), self.known()),
+        let answer = if projector.hits().are_kept() {
+            self.tracer.reflect_hits(v, limit, (records, projector.hits()), self.known())
+        } else {
+            lobe.order = lobes.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
+            records.lookup_lobe(projector, &v.point, limit, lobe)
         };
         out.lookups += 1;
         let Some(answer) = answer else {

@@ -5,7 +5,7 @@ use lumicache::cache::{Bands, Glossy, GlossyBasis, Refinement, RefinementRule, S
 use lumicache::compare::Report;
 use lumicache::film::{LAYERS, Pixel};
 use lumicache::gather::RadianceGradient;
-use lumicache::imagefile::{Channel, Picture, SampleKind};
+use lumicache::imagefile::{Picture, SampleKind};
 use lumicache::material::NativeBrdf;
 use lumicache::math::Color;
 use lumicache::render::{Frame, Settings};
@@ -13,17 +13,13 @@ use lumicache::scene::Scene;
 
 /// One layer of a frame as a picture.
 pub fn layer(frame: &Frame, name: &str) -> Picture {
-    let [width, height] = frame.film.window_size();
+    let mut picture = Picture::new(frame.film.window_size());
     let channels = frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap());
-    let channel = |(samples, name): (Vec<f32>, &str)| Channel {
-        name: name.to_owned(),
-        kind: SampleKind::Float,
-        samples,
-    };
-    let mut channels: Vec<Channel> =
-        channels.into_iter().zip(["R", "G", "B"]).map(channel).collect();
-    channels.push(channel((vec![1.0; (width * height) as usize], "A")));
-    Picture { width, height, channels, ..Picture::default() }
+    let opaque = vec![1.0; channels[0].len()];
+    for (samples, name) in channels.into_iter().chain([opaque]).zip(["R", "G", "B", "A"]) {
+        picture.add(name, SampleKind::Float, samples);
+    }
+    picture
 }
 
 /// Share of the glossy samples that records served.
@@ -140,7 +136,7 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
             let frame = ward_floor(alpha, loss, |scheme| scheme.refinement = refinement);
             let caches = frame.caches.as_ref().unwrap();
             let records = caches.cache.radiance_records(0);
-            let smallest = caches.cache.projector().unwrap().scheme().error_min();
+            let smallest = caches.cache.scheme().error_min();
             assert!(
                 records.iter().all(|r| r.error >= 0.999 * smallest),
                 "a record went below the smallest error"

@@ -4,14 +4,14 @@
 use crate::support::desk::{Desk, ENDLESS, QUICK, mean, scene, text};
 use crate::support::gltf_maker::Gltf;
 use lumicache::compare::{Options, compare};
-use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::imagefile::ldr;
+use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use serde_json::{Value, json};
 
 #[test]
 fn a_sky_lights_the_scene() {
     let desk = Desk::new();
-    let mean = |image: &Layers| image.channel("R").unwrap().samples.iter().sum::<f32>();
+    let mean = |image: &Picture| image.channel("R").unwrap().samples.iter().sum::<f32>();
     let dim = desk.render(
         "curved-spheres",
         &["--sky", "overcast,elevation=30", "--light-units", "radiometric"],
@@ -212,7 +212,7 @@ fn the_environment_is_scaled_and_turned() {
         .to_vec();
     exr::write(
         &desk.path("sky.exr"),
-        &Layers { width: 8, height: 4, channels, ..Layers::default() },
+        &Picture { width: 8, height: 4, channels, ..Picture::default() },
     )
     .unwrap();
     let shot = |more: &[&str]| {

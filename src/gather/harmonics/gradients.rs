@@ -1,8 +1,11 @@
-//! Incident radiance as a sum of harmonics, and how its coefficients change with the position.
+//! The gradients of the coefficients of incident radiance.
 
-use super::{Density, HemisphereSamples, Layout, TriangleRadiance};
-use crate::basis::{Basis, Jet, LANES, Lane, Sh, index, triangle, zonal_factors};
-use crate::math::{Color, Vec2, Vec3, luminance};
+use super::coefficients::{Coefficients, Sums};
+use crate::basis::{Basis, Jet, LANES, Sh, index, triangle, zonal_factors};
+use crate::gather::mesh::TriangleRadiance;
+use crate::gather::samples::{HemisphereSamples, MIN_COS_HIT};
+use crate::gather::strata::Layout;
+use crate::math::{Color, Vec2, Vec3};
 use crate::words::words;
 use std::f32::consts::TAU;
 
@@ -25,74 +28,10 @@ words! {
     }
 }
 
-/// Coefficients of a colour-valued function: those of red, then green, then blue.
-pub type Coefficients = Vec<f32>;
-
-/// cos ξ at a hit is not taken below this: 1/cos ξ has no finite variance.
-const MIN_COS_HIT: f32 = 0.05;
 /// Displacement of the numerical gradient as a share of the smallest distance.
 const DISPLACEMENT: f32 = 1e-3;
 
 impl HemisphereSamples {
-    /// The coefficients `λ_i = Σ Ω_k L_k B_i(w_k)` of incident radiance, in the frame of the
-    /// gather. Their cosine-weighted sum is the very estimate of
-    /// [`HemisphereSamples::irradiance`] when the basis contains the cosine.
-    pub fn project(&self, basis: &dyn Basis) -> Coefficients {
-        let b = &self.bundle;
-        let mut sums = Sums::new(basis);
-        for first in (0..b.len()).step_by(LANES) {
-            let sample = |k: usize| first + k < b.len();
-            let w =
-                std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
-            let weights = std::array::from_fn(|k| {
-                if sample(k) {
-                    b.radiance[first + k] * self.solid_angle(first + k)
-                } else {
-                    Color::ZERO
-                }
-            });
-            sums.add(basis, &w, &weights);
-        }
-        sums.finish()
-    }
-
-    /// How uncertain incident light is: the coefficients of `v(w) = Ω(w) var L(w)`, the variance of
-    /// the luminance of a sample from its stratum times the solid angle that it stands for, in the
-    /// frame of the gather. What a lobe c makes of the samples has the variance `∫ c² v dw`.
-    ///
-    /// The variance within a stratum is taken for half the mean square of its differences to the
-    /// next ones in both directions.
-    pub fn uncertainty(&self, basis: &dyn Basis) -> Vec<f32> {
-        let b = &self.bundle;
-        let (row, rows) = match self.layout {
-            Layout::Polar { m, n } => (n as usize, m as usize),
-            Layout::Concentric { n } => (n as usize, n as usize),
-        };
-        let mut sums = Sums::new(basis);
-        for first in (0..b.len()).step_by(LANES) {
-            let sample = |k: usize| first + k < b.len();
-            let variance = |k: usize| {
-                let (j, i) = self.layout.cell(k);
-                let aside = j * row + if i + 1 < row { i + 1 } else { i - 1 };
-                let across = (if j + 1 < rows { j + 1 } else { j - 1 }) * row + i;
-                let square = |other: usize| luminance(b.radiance[k] - b.radiance[other]).powi(2);
-                0.25 * (square(aside) + square(across)) * self.solid_angle(k).powi(2)
-            };
-            let w =
-                std::array::from_fn(|k| if sample(k) { b.dir_local[first + k] } else { Vec3::Z });
-            sums.add(
-                basis,
-                &w,
-                &std::array::from_fn(|k| {
-                    if sample(k) { variance(first + k) * Color::X } else { Color::ZERO }
-                }),
-            );
-        }
-        let mut coefficients = sums.finish();
-        coefficients.truncate(basis.count());
-        coefficients
-    }
-
     /// The change of the coefficients per unit along each tangent of the gather's frame, by the
     /// method `kind`.
     ///
@@ -122,20 +61,20 @@ impl HemisphereSamples {
     /// of the two hits, and what it sweeps is weighed by H there. Ring j from the pole, sector k,
     ///
     /// ```text
-    /// ∇λ = Σ_k { u_k (2π/N) Σ_{j≥1} sin θ_j- cos θ_j- H(θ_j-, φ_k)
-    ///                               (L_jk - L_{j-1,k}) / min(r_jk, r_{j-1,k})
-    ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-)
-    ///                     (L_jk - L_{j,k-1}) / min(r_jk, r_{j,k-1}) }
+    /// ∇λ = Σ_k { u_k (2π/N) Σ_{j≥1} sin θ_j- cos θ_j- H(θ_j-, φ_k) D(jk; j-1,k)
+    ///          + v_k- Σ_j (θ_j+ - θ_j-) H(θ_j, φ_k-) D(jk; j,k-1) }
     /// ```
     ///
-    /// No derivative of H, no normal at the hit. The zonal factor of H is the same for all sectors,
-    /// so the sums over j are made before the trigonometric factor is applied.
+    /// with `D(a; b) = (L_a - L_b)/min(r_a, r_b)`. No derivative of H and no normal at the hit are
+    /// needed. The zonal factor of H is the same for all sectors, so the sums over j are made before
+    /// the trigonometric factor is applied.
     fn boundary(&self, basis: &dyn Basis) -> [Coefficients; 2] {
         let Layout::Polar { m, n } = self.layout else {
             panic!("the boundary gradient needs the polar layout")
         };
         let (m, n) = (m as usize, n as usize);
-        let edges: Vec<f32> = (0..=m).map(|j| self.ring_edge(j as f32 / m as f32)).collect();
+        let edges: Vec<f32> =
+            (0..=m).map(|j| self.bundle.density.angle(j as f32 / m as f32)).collect();
         let middles: Vec<f32> = edges.windows(2).map(|e| 0.5 * (e[0] + e[1])).collect();
         let (at_edges, at_middles) = (zonal(basis, &edges[..m]), zonal(basis, &middles));
         let width = at_edges.len() / m;
@@ -167,14 +106,6 @@ impl HemisphereSamples {
             spread(basis, &sectors, lower, Vec2::new(-lower.sin(), lower.cos()), &mut gradient);
         }
         gradient
-    }
-
-    /// θ at the boundary between rings that has the share `t` of the strata above it.
-    pub(super) fn ring_edge(&self, t: f32) -> f32 {
-        match self.bundle.density {
-            Density::Cosine => t.sqrt().min(1.0).asin(),
-            Density::Uniform => (1.0 - t).acos(),
-        }
     }
 
     /// A hit q at distance r with normal n_q seen under cos ξ stands for a fixed patch: `∇Ω = Ω
@@ -245,37 +176,6 @@ impl HemisphereSamples {
             flush(&mut lanes);
             sums.finish()
         })
-    }
-}
-
-/// Sums of basis functions at weighted directions, eight at a time.
-struct Sums {
-    values: Vec<Lane>,
-    sums: Vec<[Lane; 3]>,
-}
-
-impl Sums {
-    fn new(basis: &dyn Basis) -> Self {
-        Self {
-            values: vec![Lane::default(); basis.count()],
-            sums: vec![[Lane::default(); 3]; basis.count()],
-        }
-    }
-
-    fn add(&mut self, basis: &dyn Basis, w: &[Vec3; LANES], weights: &[Color; LANES]) {
-        basis.values(w, &mut self.values);
-        let channels: [Lane; 3] = std::array::from_fn(|c| weights.map(|w| w[c]));
-        for (sum, value) in self.sums.iter_mut().zip(&self.values) {
-            for (sum, weight) in sum.iter_mut().zip(&channels) {
-                for k in 0..LANES {
-                    sum[k] += value[k] * weight[k];
-                }
-            }
-        }
-    }
-
-    fn finish(&self) -> Coefficients {
-        (0..3).flat_map(|c| self.sums.iter().map(move |s| s[c].iter().sum())).collect()
     }
 }
 

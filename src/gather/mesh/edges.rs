@@ -1,5 +1,5 @@
-//! The share of one edge in the irradiance that a polygon of constant radiance sends to a surface,
-//! differentiated twice by the position of that surface.
+//! The part of one edge in the irradiance that a polygon of constant radiance sends to a surface,
+//! differentiated twice by the position of the surface.
 //!
 //! Irradiance from a polygon is a sum over its edges [Arvo94; HolzschuchSillion98]; its derivatives
 //! are integrals along them of r/(r·r)² and r rᵀ/(r·r)³, whose closed forms cancel badly on short
@@ -16,8 +16,8 @@
 //!
 //! with `g = |ĉ|² = 1 - z u(1-u)`, `z = |â - b̂|²`, `G = ∫ 1/g` and all integrals over u in [0, 1].
 //! Nothing is divided by a difference, edges of any direction and length are equally precise, and a
-//! ray that left the scene has p = 0 exactly. Double precision: the shares of neighbouring edges
-//! cancel.
+//! ray that left the scene has p = 0 exactly. The precision is double: the
+//! parts of neighbouring edges cancel.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -55,10 +55,10 @@ impl Mul<Lanes> for f64 {
 
 /// A vertex of the triangulated hemisphere, seen from the receiver: unit direction with z along the
 /// receiver's normal, and 1/distance, 0 for what is infinitely far.
-pub(super) type Vertex = [f64; 4];
+pub type Vertex = [f64; 4];
 
 /// Edges on their way into the sum; four wait until they are worked on together.
-pub(super) struct EdgeSum {
+pub struct EdgeSum {
     from: [[f64; BATCH]; 4],
     to: [[f64; BATCH]; 4],
     difference: [[f64; BATCH]; 3],

@@ -3,12 +3,15 @@
 //!
 //! Neighbouring samples are connected into triangles of constant radiance whose corners are the
 //! hits [Schwarzhaupt12]. A triangle between a near and a far hit stands for the silhouette in
-//! between: when the receiver moves, it grows or shrinks as the occluder uncovers or hides what
-//! lies behind. So the mesh has derivatives that know of occlusion, although nothing in it is
-//! occluded.
+//! between: the triangle grows or shrinks when the receiver moves and the occluder uncovers or
+//! hides what lies behind. So the derivatives of the mesh know of occlusion, although nothing in
+//! the mesh is occluded.
 
-use super::edge::{EdgeSum, Vertex};
-use super::{Derivatives, Gradient, HemisphereSamples, Hessian, Layout};
+use super::edges::{EdgeSum, Vertex};
+use super::hessians::{Derivatives, Hessian};
+use crate::gather::irradiance::Gradient;
+use crate::gather::samples::HemisphereSamples;
+use crate::gather::strata::Layout;
 use crate::math::Color;
 use serde::{Deserialize, Serialize};
 
@@ -33,9 +36,9 @@ const NEARLY_AS_FAR: f64 = 1.5;
 ///
 /// Vertex `j n + i` is sample (j, i); ring vertices follow in the order of the samples along the
 /// grid's border, counter-clockwise. Every square of four samples is cut along the diagonal from
-/// (j, i+1) to (j+1, i). The winding of triangles is that of the grid: jitter may turn a few of
-/// them over, and their shares then cancel what their neighbours have too much.
-pub(super) struct Mesh {
+/// (j, i+1) to (j+1, i). The winding of triangles is that of the grid. Jitter may turn a few
+/// triangles over; these then cancel what their neighbours have too much.
+pub struct Mesh {
     n: usize,
     pub vertices: Vec<Vertex>,
     radiance: Vec<Color>,
@@ -50,16 +53,18 @@ impl HemisphereSamples {
     /// Gradient and Hessian of irradiance from the triangulated hemisphere; `rule` gives the
     /// triangles their radiance.
     ///
-    /// The outermost samples do not reach the horizon; a mesh that ends with them is a lit cap in a
-    /// black world, with a gradient and a Hessian of its own. So each of them is continued straight
-    /// down to the horizon at its distance. The gradient is consistent with occlusion. So is
-    /// the Hessian, but for corners where a silhouette crosses another edge, and its error falls
-    /// only as the distance between samples: good enough for radii.
+    /// The outermost samples do not reach the horizon. A mesh that ended with them would be a lit
+    /// cap in a black world, with a gradient and a Hessian of its own. So each of these samples is
+    /// continued straight down to the horizon at its distance.
+    ///
+    /// The gradient is consistent with occlusion. The Hessian is too, but for corners where a
+    /// silhouette crosses another edge; its error falls only as the distance between samples, which
+    /// is good enough for radii.
     ///
     /// Where the probe told how the radiance of hits changes with the receiver's position
-    /// ([`HitChange`](super::HitChange)), the gradient has the term `Σ Ω_k cos θ_k ∇L_k`, and the
-    /// Hessian the products of that change with the motion of the mesh; the second derivatives
-    /// of L_k are left out.
+    /// ([`HitChange`](crate::gather::HitChange)), the gradient has the term `Σ Ω_k cos θ_k ∇L_k`,
+    /// and the Hessian the products of that change with the motion of the mesh. The second
+    /// derivatives of L_k are left out.
     ///
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.

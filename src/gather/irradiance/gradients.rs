@@ -1,8 +1,8 @@
 //! Gradients of irradiance from the samples of one hemisphere.
 
-use super::{HemisphereSamples, Layout, TriangleRadiance};
+use crate::gather::samples::{HemisphereSamples, MIN_COS_HIT};
+use crate::gather::strata::Layout;
 use crate::math::{Color, Frame, Mat3, Vec2};
-use crate::words::words;
 use std::f32::consts::TAU;
 
 /// A gradient in the tangent plane: the change of irradiance per unit along each tangent of the
@@ -31,34 +31,14 @@ impl Gradient {
     }
 }
 
-words! {
-    /// The published estimators of the translational gradient.
-    pub enum TranslationalGradient {
-        /// None: records are extrapolated by their value.
-        None = "none",
-        /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
-        WardHeckbert = "ward-heckbert",
-        /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any strata, but
-        /// blind to occlusion changes.
-        PerSample = "per-sample",
-        /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Strata
-        /// `concentric` only.
-        Triangulated = "triangulated",
-    }
-}
-
-/// cos ξ at a hit is not taken below this in the per-sample gradient: 1/cos ξ has no finite
-/// variance.
-pub(super) const MIN_COS_HIT: f32 = 0.05;
-
 impl HemisphereSamples {
     /// Rotational gradient `G = Σ Ω_k L_k (n × w_k)`: for the normal n' = n + α × n with small α,
     /// `E(n') = E + α·G`, and for a near normal n' `α = n × n'` [WardHeckbert92].
     ///
-    /// Cosine-distributed rays weigh tan θ here, whose variance is infinite: no ray is given more
-    /// than `1/sqrt(N)` of the hemisphere, else the few that graze the horizon would leave
-    /// splotches on curved surfaces. What is lost that way comes from less than `1/(2 sqrt(N))`
-    /// above the horizon, and vanishes with growing N.
+    /// The weight of a cosine-distributed ray is tan θ here, whose variance is infinite. So no ray
+    /// stands for more than `1/sqrt(N)` of the hemisphere: the few rays that graze the horizon
+    /// would leave splotches on curved surfaces. The bound takes light away only from less than
+    /// `1/(2 sqrt(N))` above the horizon, and the loss vanishes with growing N.
     pub fn rotational_gradient(&self) -> Gradient {
         let b = &self.bundle;
         let mut g = Gradient::default();
@@ -71,23 +51,6 @@ impl HemisphereSamples {
         g
     }
 
-    /// The translational gradient by the method `kind`.
-    ///
-    /// # Panics
-    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one, for
-    /// [`TranslationalGradient::Triangulated`] on another than the concentric one; schemes are
-    /// checked for it when they are made.
-    pub fn translational_gradient(&self, kind: TranslationalGradient) -> Gradient {
-        match kind {
-            TranslationalGradient::None => Gradient::default(),
-            TranslationalGradient::WardHeckbert => self.ward_heckbert(),
-            TranslationalGradient::PerSample => self.per_sample(),
-            TranslationalGradient::Triangulated => {
-                self.triangulated(TriangleRadiance::Hybrid).gradient
-            }
-        }
-    }
-
     /// The gradient of Ward and Heckbert [WardHeckbert92], in the notation of [Krivanek05]: ring j
     /// from the pole, sector k,
     ///
@@ -98,13 +61,13 @@ impl HemisphereSamples {
     ///
     /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary; with
     /// cosine density sin² θ_j- = j/M.
-    fn ward_heckbert(&self) -> Gradient {
+    pub(in crate::gather) fn ward_heckbert(&self) -> Gradient {
         let Layout::Polar { m, n } = self.layout else {
             panic!("the Ward-Heckbert gradient needs the polar layout")
         };
         let (m, n) = (m as usize, n as usize);
         let b = &self.bundle;
-        let sin_lower = |j: usize| self.ring_edge(j as f32 / m as f32).sin();
+        let sin_lower = |j: usize| b.density.angle(j as f32 / m as f32).sin();
         let mut g = Gradient::default();
         for k in 0..n {
             let before = (k + n - 1) % n;
@@ -134,7 +97,7 @@ impl HemisphereSamples {
     /// The per-sample gradient: a hit q at distance r with normal n_q seen under cos ξ stands for a
     /// fixed patch, so `∇(Ω cos θ) = Ω cos θ (n_q/(r cos ξ) + 4 w/r)` [Krivanek05, Eq. 10-11 for
     /// the cosine-weighted solid angle]. Escaped rays contribute nothing.
-    fn per_sample(&self) -> Gradient {
+    pub(in crate::gather) fn per_sample(&self) -> Gradient {
         let b = &self.bundle;
         let mut g = Gradient::default();
         for k in 0..b.len() {

@@ -44,6 +44,14 @@ impl Density {
             Self::Uniform => 0.5 * INV_PI,
         }
     }
+
+    /// The angle θ to the normal within which the share `t` of the directions lies.
+    pub(super) fn angle(self, t: f32) -> f32 {
+        match self {
+            Self::Cosine => t.sqrt().min(1.0).asin(),
+            Self::Uniform => (1.0 - t).acos(),
+        }
+    }
 }
 
 /// Directions are kept this far above the horizon (cos θ), where harmonics with odd m have

@@ -1,8 +1,8 @@
 //! Second derivatives of irradiance by the position of the receiver: the type, the estimator that
 //! knows no occlusion, and how much surroundings could curve it.
 
-use super::gradient::MIN_COS_HIT;
-use super::{Gradient, HemisphereSamples};
+use crate::gather::irradiance::Gradient;
+use crate::gather::samples::{HemisphereSamples, MIN_COS_HIT};
 use crate::math::{Color, DMat2, Vec2};
 
 /// A Hessian in the tangent plane, per channel: `½ (ss x² + 2 st x y + tt y²)` is the second-order

@@ -1,55 +1,13 @@
-//! Irradiance, its standard error, and the distances to the surroundings.
+//! Distances to the surroundings.
 
-use super::HemisphereSamples;
-use crate::math::{Color, luminance};
+use super::samples::HemisphereSamples;
 use std::f32::consts::{FRAC_PI_4, FRAC_PI_8, TAU};
 
 /// Sine of 10°, the elevation below which hits do not count for the minimum distance: on a concave
 /// surface the nearest hits are those along the surface itself.
 const MIN_ELEVATION: f32 = 0.173_648;
 
-/// Interleaved groups of [`HemisphereSamples::sigma`].
-const GROUPS: usize = 8;
-
 impl HemisphereSamples {
-    /// Irradiance `E = Σ Ω_k L_k cos θ_k`, with respect to the shading normal, and what light paths
-    /// bring beside the rays.
-    pub fn irradiance(&self) -> Color {
-        let b = &self.bundle;
-        let rays: Color =
-            (0..b.len()).map(|k| b.radiance[k] * (b.dir_local[k].z * self.solid_angle(k))).sum();
-        rays + b.joints.iter().map(|j| j.irradiance).sum::<Color>()
-    }
-
-    /// Standard error of the luminance of [`HemisphereSamples::irradiance`].
-    ///
-    /// The strata are dealt to 8 interleaved groups g, each of which covers the whole hemisphere:
-    /// `σ² = Σ_g (E_g - E)²/(8·7)`. The seed's single pair of halves [Krivanek06, Sec. 4.3] is
-    /// a one-sample version of it.
-    pub fn sigma(&self) -> f32 {
-        let b = &self.bundle;
-        let mut sums = [0.0_f32; GROUPS];
-        let mut counts = [0_u32; GROUPS];
-        for k in 0..b.len() {
-            let (row, column) = self.layout.cell(k);
-            let g = (3 * row + column) % GROUPS;
-            sums[g] += luminance(b.radiance[k]) * b.dir_local[k].z / b.pdf[k];
-            counts[g] += 1;
-        }
-        if counts.contains(&0) {
-            return f32::INFINITY;
-        }
-        let mean = sums.iter().sum::<f32>() / b.len() as f32;
-        let spread: f32 = sums.iter().zip(counts).map(|(s, n)| (s / n as f32 - mean).powi(2)).sum();
-        (spread / (GROUPS * (GROUPS - 1)) as f32).sqrt()
-    }
-
-    /// Mean radiance over the solid angle of the hemisphere.
-    pub fn mean_radiance(&self) -> Color {
-        let b = &self.bundle;
-        (0..b.len()).map(|k| b.radiance[k] * self.solid_angle(k)).sum::<Color>() / TAU
-    }
-
     /// Harmonic mean of the distances, `ΣΩ_k / Σ(Ω_k/r_k)`; infinite where every ray escaped.
     pub fn harmonic_distance(&self) -> f32 {
         let b = &self.bundle;

@@ -1,12 +1,12 @@
-//! How the coefficients of incident radiance in spherical harmonics change with the position,
-//! twice, from the triangulated hemisphere.
+//! First and second derivatives of the coefficients of incident radiance in spherical harmonics,
+//! from the triangulated hemisphere.
 //!
 //! The published derivation gives each triangle one direction and differentiates its solid angle
 //! and the basis function there [Zhao, Eq. 3.30-3.31]. The coefficient of a polygon of constant
 //! radiance is an integral over its area on the sphere; only its border moves, so the derivative is
 //! an integral along the edges with the basis function Y as a weight. With the chord of an edge as
-//! in [`super::edge`], its directions ω = ĉ/|ĉ|, `d(u) = (1-u) p_a + u p_b`, `k = â × b̂` and ∇Y the
-//! gradient on the sphere:
+//! in `gather/mesh/edges.rs`, its directions ω = ĉ/|ĉ|, `d(u) = (1-u) p_a + u p_b`, `k = â × b̂` and
+//! ∇Y the gradient on the sphere:
 //!
 //! ```text
 //! ∇λ  = Σ_edges ΔL k ∫ Y d/g^{3/2} du
@@ -19,9 +19,10 @@
 //! not count. Along an edge Y and ∇Y are interpolated between its ends. So the sums over edges
 //! become weights of vertices, and every basis function is evaluated once per sample.
 
-use super::triangulation::Mesh;
-use super::{Coefficients, HemisphereSamples, TriangleRadiance};
+use super::coefficients::Coefficients;
 use crate::basis::{Basis, LANES, Lane, Sh};
+use crate::gather::mesh::{Mesh, TriangleRadiance};
+use crate::gather::samples::HemisphereSamples;
 use crate::math::{DVec2, DVec3, Vec3};
 
 /// The derivatives of the coefficients of incident radiance in the tangent plane of the gather's
@@ -53,10 +54,10 @@ impl Weights {
 }
 
 impl HemisphereSamples {
-    /// Gradient of the coefficients from the triangulated hemisphere, with its change if `hessians`
-    /// is set; `rule` gives the triangles their radiance. As [`HemisphereSamples::triangulated`]:
-    /// what is said there of the horizon, of silhouettes and of the change of radiance at hits
-    /// holds here.
+    /// Gradient of the coefficients from the triangulated hemisphere, and their Hessian if
+    /// `hessians` is set; `rule` gives the triangles their radiance. The notes of
+    /// [`HemisphereSamples::triangulated`] on the horizon, on silhouettes and on the change of
+    /// radiance at hits hold here too.
     ///
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.

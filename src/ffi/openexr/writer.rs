@@ -1,27 +1,7 @@
-//! OpenEXR's C core (`libOpenEXRCore`): writing of one-part scan-line files with ZIP compression.
-//!
-//! The safe surface is [`Writer`]. Chunks (16 lines each) are packed and deflated by the C core's
-//! encoding pipeline on rayon's threads and written in order by the calling thread, so the bytes of
-//! a file do not depend on the number of threads. Messages of the C core, which prints them by
-//! default, become the error strings.
-//!
-//! The structures of the headers and of the library agree because the library's SONAME changes with
-//! them (3.1: `libOpenEXRCore-3_1.so.30`).
+//! The writer, its errors and its encoding pipelines.
 
-#[allow(
-    missing_docs,
-    non_camel_case_types,
-    non_snake_case,
-    non_upper_case_globals,
-    dead_code,
-    clippy::all,
-    reason = "bindgen's output: C's names, and more of them than are used"
-)]
-mod raw {
-    include!(concat!(env!("OUT_DIR"), "/openexr.rs"));
-}
-
-use half::f16;
+use super::data::{Channel, Window};
+use super::raw;
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};
@@ -34,87 +14,6 @@ pub type Result<T> = std::result::Result<T, String>;
 /// Bytes of compressed chunks kept back before they are written; bounds memory, has no influence on
 /// the file.
 const WAVE_BYTES: usize = 64 << 20;
-
-/// The samples of one channel, row by row from the top.
-#[derive(Clone, Copy, Debug)]
-pub enum Samples<'a> {
-    /// 16-bit floating point.
-    Half(&'a [f16]),
-    /// 32-bit floating point.
-    Float(&'a [f32]),
-    /// 32-bit unsigned integers.
-    Uint(&'a [u32]),
-}
-
-impl Samples<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Self::Half(s) => s.len(),
-            Self::Float(s) => s.len(),
-            Self::Uint(s) => s.len(),
-        }
-    }
-
-    fn bytes_per_sample(&self) -> usize {
-        if matches!(self, Self::Half(_)) { 2 } else { 4 }
-    }
-
-    fn pixel_type(&self) -> raw::exr_pixel_type_t {
-        match self {
-            Self::Half(_) => raw::EXR_PIXEL_HALF,
-            Self::Float(_) => raw::EXR_PIXEL_FLOAT,
-            Self::Uint(_) => raw::EXR_PIXEL_UINT,
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        match self {
-            Self::Half(s) => {
-                bytemuck::cast_slice(half::slice::HalfFloatSliceExt::reinterpret_cast(*s))
-            }
-            Self::Float(s) => bytemuck::cast_slice(s),
-            Self::Uint(s) => bytemuck::cast_slice(s),
-        }
-    }
-}
-
-/// A channel to write.
-#[derive(Clone, Copy, Debug)]
-pub struct Channel<'a> {
-    /// The name in the file.
-    pub name: &'a str,
-    /// One sample per pixel of the data window.
-    pub samples: Samples<'a>,
-}
-
-/// A rectangle of pixels, both corners included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
-    /// Left column and top row.
-    pub min: [i32; 2],
-    /// Right column and bottom row.
-    pub max: [i32; 2],
-}
-
-impl Window {
-    /// Columns and rows.
-    fn size(&self) -> Option<[usize; 2]> {
-        let extent = |a: i32, b: i32| {
-            usize::try_from(i64::from(b) - i64::from(a) + 1).ok().filter(|&n| n > 0)
-        };
-        Some([extent(self.min[0], self.max[0])?, extent(self.min[1], self.max[1])?])
-    }
-
-    fn to_raw(self) -> raw::exr_attr_box2i_t {
-        let corner = |[x, y]: [i32; 2]| {
-            // SAFETY: plain integers, for which all-zero bytes are a value.
-            let mut v: raw::exr_attr_v2i_t = unsafe { std::mem::zeroed() };
-            v.__bindgen_anon_1.arr = [x, y];
-            v
-        };
-        raw::exr_attr_box2i_t { min: corner(self.min), max: corner(self.max) }
-    }
-}
 
 thread_local! {
     /// The last message of the C core on this thread; its error handler has no user pointer of its
@@ -256,74 +155,65 @@ impl Writer {
     /// The C core's message, as for all `set_` functions: bad name, or a standard attribute of
     /// another type.
     pub fn set_text(&mut self, name: &str, value: &str) -> Result<()> {
-        let (name, value) = (c_string(name)?, c_string(value)?);
-        // SAFETY: the context is live and in its header stage; both strings are copied.
-        check(unsafe {
-            raw::exr_attr_set_string(self.context, self.part, name.as_ptr(), value.as_ptr())
-        })
+        let value = c_string(value)?;
+        // SAFETY: as `set` promises; the value is a C string, which is copied.
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_string(c, p, n, value.as_ptr()) })
     }
 
     /// Sets the attribute `name` of type `int`.
     pub fn set_int(&mut self, name: &str, value: i32) -> Result<()> {
-        let name = c_string(name)?;
-        // SAFETY: the context is live and in its header stage; the name is copied.
-        check(unsafe { raw::exr_attr_set_int(self.context, self.part, name.as_ptr(), value) })
+        // SAFETY: as `set` promises.
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_int(c, p, n, value) })
     }
 
     /// Sets the attribute `name` of type `float`.
     pub fn set_float(&mut self, name: &str, value: f32) -> Result<()> {
-        let name = c_string(name)?;
-        // SAFETY: the context is live and in its header stage; the name is copied.
-        check(unsafe { raw::exr_attr_set_float(self.context, self.part, name.as_ptr(), value) })
+        // SAFETY: as `set` promises.
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_float(c, p, n, value) })
     }
 
     /// Sets the attribute `name` of type `double`.
     pub fn set_double(&mut self, name: &str, value: f64) -> Result<()> {
-        let name = c_string(name)?;
-        // SAFETY: the context is live and in its header stage; the name is copied.
-        check(unsafe { raw::exr_attr_set_double(self.context, self.part, name.as_ptr(), value) })
+        // SAFETY: as `set` promises.
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_double(c, p, n, value) })
     }
 
     /// Sets the attribute `name` of type `v2f`.
     pub fn set_v2f(&mut self, name: &str, value: [f32; 2]) -> Result<()> {
-        let name = c_string(name)?;
-        // SAFETY: `exr_attr_v2f_t` is two floats, so it has the size of `value`, and its alignment
-        // is at most theirs; name and value are copied.
-        check(unsafe {
-            raw::exr_attr_set_v2f(self.context, self.part, name.as_ptr(), value.as_ptr().cast())
-        })
+        // SAFETY: as `set` promises; `exr_attr_v2f_t` is two floats, so it has the size of the
+        // value, and its alignment is at most theirs; the value is copied.
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_v2f(c, p, n, value.as_ptr().cast()) })
     }
 
     /// Sets the attribute `name` of type `v3f`.
     pub fn set_v3f(&mut self, name: &str, value: [f32; 3]) -> Result<()> {
-        let name = c_string(name)?;
         // SAFETY: `exr_attr_v3f_t` is three floats; as in `set_v2f`.
-        check(unsafe {
-            raw::exr_attr_set_v3f(self.context, self.part, name.as_ptr(), value.as_ptr().cast())
-        })
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_v3f(c, p, n, value.as_ptr().cast()) })
     }
 
     /// Sets the attribute `name` of type `m44f`, its sixteen values in the order of the file.
     pub fn set_m44f(&mut self, name: &str, value: [f32; 16]) -> Result<()> {
-        let name = c_string(name)?;
         // SAFETY: `exr_attr_m44f_t` is sixteen floats; as in `set_v2f`.
-        check(unsafe {
-            raw::exr_attr_set_m44f(self.context, self.part, name.as_ptr(), value.as_ptr().cast())
-        })
+        self.set(name, |c, p, n| unsafe { raw::exr_attr_set_m44f(c, p, n, value.as_ptr().cast()) })
     }
 
     /// Sets the attribute `name` of type `chromaticities`: x and y of red, green, blue, white.
     pub fn set_chromaticities(&mut self, name: &str, value: [f32; 8]) -> Result<()> {
-        let name = c_string(name)?;
         // SAFETY: `exr_attr_chromaticities_t` is eight floats; as in `set_v2f`.
-        check(unsafe {
-            raw::exr_attr_set_chromaticities(
-                self.context,
-                self.part,
-                name.as_ptr(),
-                value.as_ptr().cast(),
-            )
+        self.set(name, |c, p, n| unsafe {
+            raw::exr_attr_set_chromaticities(c, p, n, value.as_ptr().cast())
         })
+    }
+
+    /// Calls `set` with the context, which is live and in its header stage, the part, and `name` as
+    /// a C string, which is copied.
+    fn set(
+        &mut self,
+        name: &str,
+        set: impl FnOnce(raw::exr_context_t, c_int, *const c_char) -> raw::exr_result_t,
+    ) -> Result<()> {
+        let name = c_string(name)?;
+        check(set(self.context, self.part, name.as_ptr()))
     }
 
     /// Writes the header and the pixels of `channels`, in any order, and closes the file.

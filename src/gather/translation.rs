@@ -1,0 +1,41 @@
+//! The choice among the estimators of the translational gradient.
+
+use super::irradiance::Gradient;
+use super::mesh::TriangleRadiance;
+use super::samples::HemisphereSamples;
+use crate::words::words;
+
+words! {
+    /// The published estimators of the translational gradient.
+    pub enum TranslationalGradient {
+        /// None: records are extrapolated by their value.
+        None = "none",
+        /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
+        WardHeckbert = "ward-heckbert",
+        /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any strata, but
+        /// blind to occlusion changes.
+        PerSample = "per-sample",
+        /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Strata
+        /// `concentric` only.
+        Triangulated = "triangulated",
+    }
+}
+
+impl HemisphereSamples {
+    /// The translational gradient by the method `kind`.
+    ///
+    /// # Panics
+    /// For [`TranslationalGradient::WardHeckbert`] on another layout than the polar one, for
+    /// [`TranslationalGradient::Triangulated`] on another than the concentric one; schemes are
+    /// checked for it when they are made.
+    pub fn translational_gradient(&self, kind: TranslationalGradient) -> Gradient {
+        match kind {
+            TranslationalGradient::None => Gradient::default(),
+            TranslationalGradient::WardHeckbert => self.ward_heckbert(),
+            TranslationalGradient::PerSample => self.per_sample(),
+            TranslationalGradient::Triangulated => {
+                self.triangulated(TriangleRadiance::Hybrid).gradient
+            }
+        }
+    }
+}
