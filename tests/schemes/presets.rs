@@ -6,8 +6,8 @@ use crate::support::pictures::{
     sectors, seen, settings, with, with_rays,
 };
 use lumicache::cache::{
-    Cache, Curve, Irradiance, Kernel, Level, LevelPoints, PRESETS, Preset, RadiusRule, Record,
-    Scheme, Validity, Weight,
+    Cache, Curve, Irradiance, Kernel, LevelPoints, PRESETS, Preset, RadiusRule, Record, Scheme,
+    Validity, Weight,
 };
 use lumicache::gather::{Bundle, Deeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
@@ -37,10 +37,6 @@ pub fn quick(scheme: Scheme) -> Scheme {
 fn all() -> Vec<(&'static str, Scheme)> {
     let presets = PRESETS.iter().map(|p| (p.name.as_str(), p.scheme()));
     presets.chain([("sectors", sectors())]).collect()
-}
-
-pub fn first(cache: &Cache) -> &Level {
-    cache.level(0).unwrap()
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The units of length and of light do not matter.
 
-use crate::schemes::presets::{first, quick, staircase};
+use crate::schemes::presets::{quick, staircase};
 use crate::support::pictures::{assert_alike, beauty, build, cached, fill, own, render};
 use lumicache::cache::PRESETS;
 use lumicache::math::{Affine3A, Vec3};
