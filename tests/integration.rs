@@ -54,6 +54,7 @@ mod schemes {
     mod report; // schemes on equal terms
     mod scotty3d; // what a second pass and the rotational gradient are worth
     mod steps_of_light; // small records at steps, few elsewhere
+    mod texts; // presets, files of users, settings by name
     mod two_glossy; // light from one glossy surface on another
     mod units; // of length and light do not matter
     mod zhao; // radiance records on all surfaces

@@ -79,7 +79,7 @@ int main(void) {
     check(lumi_scene_set_host(scene, &host));
     check(lumi_scene_commit(scene));
     check(lumi_cache_new(scene, NULL, &cache));
-    check(lumi_cache_set_i32(cache, "rays", 128));
+    check(lumi_cache_set_i32(cache, "gather.rays", 128));
     check(lumi_cache_set_i32(cache, "deeper_points", 1000));
 
     query.struct_size = sizeof query;

@@ -83,7 +83,7 @@ int main(int argc, char **argv) {
         normal[i][1] = 1;
     }
     check(lumi_cache_new(scene, "auto", &cache));
-    check(lumi_cache_set_i32(cache, "rays", 256));
+    check(lumi_cache_set_i32(cache, "gather.rays", 256));
     query.struct_size = sizeof query;
     query.n = POINTS * POINTS;
     query.position = position[0], query.normal = normal[0];

@@ -94,7 +94,7 @@ int main(int argc, char **argv) try {
     lumi_cache c;
     check(lumi_cache_new(scene.get(), "auto", &c));
     Cache cache(c);
-    check(lumi_cache_set_i32(cache.get(), "rays", 64));
+    check(lumi_cache_set_i32(cache.get(), "gather.rays", 64));
     check(lumi_cache_set_i32(cache.get(), "levels", 1));
 
     const std::vector<Point> points = look_around(scene.get(), 4000);

@@ -107,7 +107,7 @@ def main(library, scene_file):
         normals[3 * k : 3 * k + 3] = normal[3 * i : 3 * i + 3]
 
     lumi.lumi_cache_new(scene, b"auto", c.byref(cache))
-    lumi.lumi_cache_set_i32(cache, b"rays", 64)
+    lumi.lumi_cache_set_i32(cache, b"gather.rays", 64)
     lumi.lumi_cache_set_i32(cache, b"levels", 1)
     irradiance, status = floats(3 * len(hits)), (c.c_uint8 * len(hits))()
     query = Query(

@@ -82,10 +82,10 @@ lumi_stats stats(lumi_cache cache) {
 lumi_cache cache_of_radius(lumi_scene scene, float radius) {
     lumi_cache cache;
     check(lumi_cache_new(scene, "ward88", &cache));
-    check(lumi_cache_set_i32(cache, "rays", 16));
+    check(lumi_cache_set_i32(cache, "gather.rays", 16));
     check(lumi_cache_set_i32(cache, "levels", 1));
-    check(lumi_cache_set_f32(cache, "min_pixels", 0));
-    check(lumi_cache_set_f32(cache, "max_radius", radius / 3.4641f)); // a fraction of the diagonal
+    check(lumi_cache_set_f32(cache, "radius.min_pixels", 0));
+    check(lumi_cache_set_f32(cache, "radius.max_radius", radius / 3.4641f)); // a fraction of the diagonal
     return cache;
 }
 

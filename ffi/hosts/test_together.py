@@ -26,7 +26,7 @@ def ask(path, scene_file, expected):
     scene.load_gltf(scene_file)
     scene.commit()
     cache = scene.cache("auto")
-    cache.set(rays=64, deeper_points=500)
+    cache.set(deeper_points=500, **{"gather.rays": 64})
     x, z = np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40))
     positions = np.stack([x.ravel(), np.zeros(x.size), z.ravel()], 1)
     normals = np.tile(np.float32([0, 1, 0]), (len(positions), 1))

@@ -8,15 +8,14 @@ use crate::words::words;
 words! {
     /// The published estimators of the translational gradient.
     pub enum TranslationalGradient {
-        /// None: records are extrapolated by their value.
+        /// Not at all.
         None = "none",
-        /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
+        /// By moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
         WardHeckbert = "ward-heckbert",
-        /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any strata, but
-        /// blind to occlusion changes.
+        /// By patches, one for each sample, that keep their radiance [Krivanek05, Eq. 10-11]; any
+        /// strata, but blind to occlusion.
         PerSample = "per-sample",
-        /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Strata
-        /// `concentric` only.
+        /// By a mesh over the hits; sees silhouettes. Strata `concentric` only.
         Triangulated = "triangulated",
     }
 }

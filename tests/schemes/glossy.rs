@@ -9,7 +9,7 @@ use lumicache::imagefile::{Picture, SampleKind};
 use lumicache::material::NativeBrdf;
 use lumicache::math::Color;
 use lumicache::render::{Frame, Settings};
-use lumicache::scene::Scene;
+use lumicache::scene::{Scene, SceneData};
 
 /// One layer of a frame as a picture.
 pub fn layer(frame: &Frame, name: &str) -> Picture {
@@ -157,18 +157,28 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
 
 #[test]
 fn faint_curved_and_small_gloss_is_left_to_paths() {
-    let share = |name: &str, size: [u32; 2], spp: u32, economy: bool| {
-        let scene = build(own(name));
+    let share = |mut data: SceneData, size: [u32; 2], spp: u32, faint: bool, economy: bool| {
+        for native in data.materials.iter_mut().filter_map(|m| m.native.as_mut()).filter(|_| faint)
+        {
+            if let NativeBrdf::Phong { kd, ks, .. } = native {
+                (*kd, *ks) = (Color::splat(0.7), Color::splat(0.1));
+            }
+        }
+        let scene = build(data);
         let mut settings = cached(&scene, "auto", size, spp);
         settings.scheme.gather.rays = 64;
         settings.scheme.glossy.as_mut().unwrap().economy = economy;
         served(&render(&scene, &settings))
     };
-    for (name, size, spp) in
-        [("glossy-walk", [40, 40], 1), ("glossy-walk", [40, 40], 64), ("phong-pot", [40, 30], 1)]
-    {
-        println!("{name} {spp} {} {}", share(name, size, spp, true), share(name, size, spp, false));
-    }
+    let walk = |spp, faint, economy| share(own("glossy-walk"), [40, 40], spp, faint, economy);
+    assert!(walk(1, false, false) > 0.9 && walk(64, false, true) > 0.9);
+    // Too few pixels to pay for records.
+    assert_eq!(walk(1, false, true), 0.0);
+    // The wall reflects an eighth of its light by its lobe; the metal floor has no diffuse lobe.
+    let floor = walk(64, true, true);
+    assert!((0.1..0.9).contains(&floor) && walk(1, true, false) > 0.9, "{floor}");
+    let pot = |spp, economy| share(own("phong-pot"), [40, 30], spp, false, economy);
+    assert!(pot(64, true) < 0.05 && pot(1, false) > 0.8);
 }
 
 #[test]

@@ -48,8 +48,12 @@ def direct(scene, si, bsdf, sample, active):
 class HostIntegrator(mi.SamplingIntegrator):
     def __init__(self, props, path):
         super().__init__(props)
-        names = ("quality", "rays", "error", "max_bounces")
-        self.settings = {name: props.get(name) for name in names if props.has_property(name)}
+        names = {"rays": "gather.rays", "error": "validity.error"}
+        self.settings = {
+            names.get(name, name): props.get(name)
+            for name in ("quality", "rays", "error", "max_bounces")
+            if props.has_property(name)
+        }
         self.preset = props.get("preset", "auto")
         self.flags = lumicache.HOST_CONCURRENT if props.get("concurrent", False) else 0
         levels = (mi.LogLevel.Info, mi.LogLevel.Warn)

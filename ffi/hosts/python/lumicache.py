@@ -387,6 +387,7 @@ class Cache:
             raise
 
     def set(self, **settings):
+        """`set(quality=2.0, **{"gather.rays": 64})`."""
         for name, value in settings.items():
             if isinstance(value, bool) or isinstance(value, str):
                 self.call(

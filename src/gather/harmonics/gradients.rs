@@ -12,18 +12,17 @@ use std::f32::consts::TAU;
 words! {
     /// The estimators of the translational gradient of radiance coefficients.
     pub enum RadianceGradient {
-        /// None: records are extrapolated by their value.
+        /// Not at all.
         None = "none",
-        /// Central differences over a small displacement, each sample a patch that keeps its
+        /// By central differences over a small displacement, each sample a patch that keeps its
         /// radiance [Krivanek05, Sec. 4.3].
         Displacement = "displacement",
-        /// The same patches, differentiated [Krivanek05, Eq. 7-11].
+        /// By patches, one for each sample, that keep their radiance [Krivanek05, Eq. 7-11].
         PerSample = "per-sample",
-        /// Moving boundaries between strata, each with its own weight; sees silhouettes. Strata
-        /// `polar` only.
+        /// By moving boundaries between strata; sees silhouettes. Strata `polar` only.
         Boundary = "boundary",
-        /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and
-        /// has second derivatives. Strata `concentric` and spherical harmonics only.
+        /// By a mesh over the hits; sees silhouettes, and has second derivatives. Strata
+        /// `concentric` and spherical harmonics only.
         Triangulated = "triangulated",
     }
 }
