@@ -28,11 +28,10 @@ fn answers_equal_those_of_the_rust_api() {
         .build()
         .unwrap();
     pool.install(|| {
-        let first = scattered(surfaces.clone(), seed);
-        let second = LevelPoints {
-            points: tracer.next_points(&first.points, 500, hash(&[seed, 2, 1])),
-            round: 0,
-        };
+        let first = LevelPoints::from(scattered(&surfaces, seed));
+        let found = tracer.next_points(&first.points, 500, hash(&[seed, 2, 1]), None);
+        let second: Vec<_> = found.into_iter().map(|(point, _)| point).collect();
+        let second = LevelPoints::from(second);
         let probe = SceneProbe::new(tracer);
         expected.fill(&probe, 1, &second, seed, &Progress::default()).unwrap();
         expected.fill(&probe, 0, &first, seed, &Progress::default()).unwrap();

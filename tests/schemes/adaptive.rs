@@ -4,7 +4,7 @@
 use crate::support::pictures::{build, cached, one_level, own, render, scheme};
 use crate::support::refined::*;
 use lumicache::cache::{
-    Appearance, Appearances, Cache, Irradiance, LevelPoints, RadiusRule, RefinementRule, Scheme,
+    Appearance, Appearances, Cache, Irradiance, LevelPoints, RadiusRule, RefinementRule,
 };
 use lumicache::film::LAYERS;
 use lumicache::gather::{Bundle, Deeper, Density, HemisphereSamples, NoDeeper, RadianceProbe};

@@ -387,9 +387,12 @@ fn files_keep_axes_and_spare_records_without() {
         let read = CacheFile::from_bytes(&bytes, Path::new("memory")).unwrap();
         assert!(read == file, "{preset}: the file changed a record");
         assert!(
-            read.levels[0].iter().all(
-                |r| r.axes.as_ref().is_some_and(|a| a.direct.is_some()) == (preset == "aric11")
-            )
+            read.levels[0].iter().all(|r| r
+                .payload
+                .axes
+                .as_ref()
+                .is_some_and(|a| a.direct.is_some())
+                == (preset == "aric11"))
         );
     }
 }

@@ -136,7 +136,7 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
             let frame = ward_floor(alpha, loss, |scheme| scheme.refinement = refinement);
             let caches = frame.caches.as_ref().unwrap();
             let records = caches.cache.radiance_records(0);
-            let smallest = caches.cache.projector().unwrap().scheme().error_min();
+            let smallest = caches.cache.scheme().error_min();
             assert!(
                 records.iter().all(|r| r.error >= 0.999 * smallest),
                 "a record went below the smallest error"

@@ -68,7 +68,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Caches that use each of [`METHODS`], filled for the points of the rows `rows`.
 fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache; 3] {
-    let points = LevelPoints::from(rows.flat_map(|y| row(tracer, size.side, y)).collect());
+    let points =
+        LevelPoints::from(rows.flat_map(|y| row(tracer, size.side, y)).collect::<Vec<_>>());
     METHODS.map(|gradient| {
         let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
         (scheme.gather.rays, scheme.gather.gradient) = (size.rays, gradient);

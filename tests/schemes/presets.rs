@@ -6,8 +6,8 @@ use crate::support::pictures::{
     sectors, seen, settings, with, with_rays,
 };
 use lumicache::cache::{
-    Cache, Curve, Irradiance, Kernel, Level, LevelPoints, PRESETS, Preset, RadiusRule, Record,
-    Scheme, Validity, Weight,
+    Cache, Curve, Irradiance, Kernel, LevelPoints, PRESETS, Preset, RadiusRule, Record, Scheme,
+    Validity, Weight,
 };
 use lumicache::gather::{Bundle, Deeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
@@ -37,10 +37,6 @@ pub fn quick(scheme: Scheme) -> Scheme {
 fn all() -> Vec<(&'static str, Scheme)> {
     let presets = PRESETS.iter().map(|p| (p.name.as_str(), p.scheme()));
     presets.chain([("sectors", sectors())]).collect()
-}
-
-pub fn first(cache: &Cache) -> &Level {
-    cache.level(0).unwrap()
 }
 
 #[test]
@@ -83,12 +79,12 @@ fn records_are_numbers_and_reach_within_the_limits() {
         for r in cache.records(0) {
             assert!(
                 r.position.is_finite()
-                    && r.irradiance.is_finite()
-                    && r.rotation.is_finite()
-                    && r.translation.is_finite()
+                    && r.payload.irradiance.is_finite()
+                    && r.payload.rotation.is_finite()
+                    && r.payload.translation.is_finite()
             );
             assert!(
-                r.irradiance.min_element() >= 0.0
+                r.payload.irradiance.min_element() >= 0.0
                     && r.sigma >= 0.0
                     && r.length >= 0.0
                     && !r.length.is_nan(),
@@ -220,7 +216,7 @@ fn clamped_records_have_missed_no_feature() {
         };
         // On this staircase records do miss the steps beside them when nothing is done about it.
         let free = fill(false);
-        assert!(missed(first(&free).records()) > 0, "{}: the test cannot fail", preset.name);
+        assert!(missed(free.records(0)) > 0, "{}: the test cannot fail", preset.name);
         let cache = fill(true);
         let records = cache.records(0);
         assert_eq!(missed(records), 0, "{}: |R_i - R_j| <= d_ij does not hold", preset.name);
@@ -265,13 +261,22 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
             Weight::InverseMinusOne => (1.0 / error.max(1e-6) - 1.0) / share,
             Weight::Hat => 1.0 - error,
         };
-        let linear = slope * (r.translation * offset);
-        let second = r.curve.map_or(Color::ZERO, |c| {
-            Curve { hessian: c.hessian * (slope * slope), ..c }.term(offset, linear, r.irradiance)
+        let linear = slope * (r.payload.translation * offset);
+        let second = r.payload.curve.map_or(Color::ZERO, |c| {
+            Curve { hessian: c.hessian * (slope * slope), ..c }.term(
+                offset,
+                linear,
+                r.payload.irradiance,
+            )
         });
-        let value = match &r.axes {
-            Some(axes) => r.irradiance + axes.at(r.normal, offset, at.frame.n).0,
-            None => r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second,
+        let value = match &r.payload.axes {
+            Some(axes) => r.payload.irradiance + axes.at(r.normal, offset, at.frame.n).0,
+            None => {
+                r.payload.irradiance
+                    + r.payload.rotation * r.normal.cross(at.frame.n)
+                    + linear
+                    + second
+            }
         };
         sum += weight * value.max(Color::ZERO);
         weights += weight;
@@ -423,7 +428,7 @@ fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
     let records = cache.records(0);
     assert_eq!(records.len(), 3);
     assert!(
-        records.iter().all(|r| (r.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01),
+        records.iter().all(|r| (r.payload.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01),
         "{records:?}"
     );
 }

@@ -57,7 +57,7 @@ fn two_passes_beat_one_and_the_rotational_gradient_helps_on_spheres() {
     let points: Vec<SurfacePoint> = pixels
         .filter_map(|p| Some(tracer.first_diffuse(&scene.cameras()[0].ray(p, SIZE), 0)?.0))
         .collect();
-    let points = LevelPoints { points, round: SIZE[0] as usize };
+    let points = LevelPoints { round: SIZE[0] as usize, ..points.into() };
 
     // Walls and floor are normal to an axis, spheres nearly nowhere. Every third point is compared.
     let curved = |p: &SurfacePoint| p.frame.n.abs().max_element() < 0.99;
