@@ -51,7 +51,9 @@ macro_rules! words {
         impl $crate::words::Words for $name {
             fn words() -> Vec<$crate::words::Word<Self>> {
                 let mut all = Vec::new();
-                $($crate::words::words!(@ all, $name::$variant, $word, concat!($($about),+) $(, $inner)?);)+
+                $($crate::words::words!(
+                    @ all, $name::$variant, $word, concat!($($about),+) $(, $inner)?
+                );)+
                 all
             }
         }
@@ -63,10 +65,10 @@ macro_rules! words {
         }
 
         impl<'de> serde::Deserialize<'de> for $name {
-            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                let word = String::deserialize(deserializer)?;
-                let unknown = || serde::de::Error::custom(format_args!("there is no word `{word}`"));
-                $crate::words::Words::from_word(&word).ok_or_else(unknown)
+            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+                let word = String::deserialize(from)?;
+                $crate::words::Words::from_word(&word)
+                    .ok_or_else(|| serde::de::Error::custom(format!("there is no word `{word}`")))
             }
         }
     };

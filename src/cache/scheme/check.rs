@@ -78,8 +78,8 @@ impl Scheme {
             ),
             (
                 radius.area != Outline::Disc && !outlined,
-                "`radius.metric` hessian and unoccluded-hessian have any `radius.area`, minimum and \
-                 minimum-restricted disc and sectors, the others disc",
+                "`radius.metric` hessian and unoccluded-hessian have any `radius.area`, minimum \
+                 and minimum-restricted disc and sectors, the others disc",
             ),
             (
                 axes && !matches!(radius.area, Outline::Disc | Outline::Sectors),
