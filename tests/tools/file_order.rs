@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Folders whose files are not in order yet.
-const UNORDERED: &[&str] =
-    &["bench", "cache", "capi", "cli", "gather", "import", "material", "render", "transport"];
+const UNORDERED: &[&str] = &["cache", "capi", "cli", "import", "material", "render", "transport"];
 
 /// Code without its test modules, which may use the whole folder.
 fn without_tests(tokens: Vec<String>) -> Vec<String> {
