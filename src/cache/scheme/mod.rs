@@ -1,13 +1,15 @@
 //! A caching scheme as plain data.
 
+mod vocabulary;
+mod table;
+mod set;
 mod check;
 mod preset;
-mod set;
-mod table;
-mod vocabulary;
+mod page;
 
+pub use page::settings_page;
 pub use preset::{PRESETS, Preset};
-pub use set::{settings, settings_page};
+pub use set::settings;
 pub use table::{Allowed, Bounds, Setting};
 pub use vocabulary::{
     Bands, Clamping, Contents, GlossyBasis, GlossyMetric, Hits, Kernel, Measure, Metric, Outline,
@@ -270,11 +272,14 @@ group! {
         pub validity: Validity,
         /// How records are continued.
         pub extrapolation: Extrapolation,
-        /// What bounds R_i beside the metric.
-        pub clamping: Clamping,
         /// How records are refined, if they are.
         #[serde(with = "set::optional")]
         pub refinement: Option<Refinement>,
+        /// Radiance records, if there are any; otherwise paths follow all gloss.
+        #[serde(with = "set::optional")]
+        pub glossy: Option<Glossy>,
+        /// What bounds R_i beside the metric.
+        pub clamping: Clamping,
         /// Which light records hold.
         pub contents: Contents,
         /// Levels with a cache of their own: 1 caches what the camera sees, 2 also the points that
@@ -282,9 +287,6 @@ group! {
         pub levels: u8 = within(1.0, 16.0),
         /// Order of the shading points, and the number of passes.
         pub schedule: Schedule,
-        /// Radiance records, if there are any; otherwise paths follow all gloss.
-        #[serde(with = "set::optional")]
-        pub glossy: Option<Glossy>,
     }
 }
 

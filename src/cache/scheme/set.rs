@@ -31,7 +31,8 @@ pub fn settings() -> &'static [Setting] {
     &SETTINGS
 }
 
-fn group(name: &str) -> &str {
+/// The group of a setting, nothing for one of the scheme itself.
+pub(super) fn group(name: &str) -> &str {
     name.split_once('.').map_or("", |(group, _)| group)
 }
 
@@ -91,8 +92,7 @@ fn short(value: Value) -> Value {
     }
 }
 
-/// The scheme of these settings, and the settings that have an effect in it. `missing` says what
-/// is not there.
+/// The scheme of these settings.
 fn build(settings: &Map<String, Value>) -> std::result::Result<Scheme, String> {
     let mut groups = Map::new();
     for (name, value) in settings {
@@ -114,21 +114,20 @@ pub(super) fn changed(
     base: Option<&Scheme>,
     changes: &[Change],
 ) -> std::result::Result<Scheme, Problem> {
-    let mut settings = base.map(Scheme::settings).unwrap_or_default();
+    let mut chosen = base.map(Scheme::settings).unwrap_or_default();
     for (at, (name, value)) in changes.iter().enumerate() {
         let value = accept(name, value).map_err(|what| Problem { at: Some(at), what })?;
         if let Some((group, _)) = OPTIONAL.iter().find(|(g, _)| *g == group(name)) {
-            settings.shift_remove(*group);
+            chosen.shift_remove(*group);
         }
-        settings.insert(name.clone(), value);
+        chosen.insert(name.clone(), value);
     }
     for (optional, needed) in OPTIONAL {
         let position = |name: &str| changes.iter().rposition(|(n, _)| n == name);
         if position(optional).is_some() {
-            settings.retain(|name, _| group(name) != optional);
-            settings.insert(optional.to_owned(), NONE.into());
-        } else if settings.keys().any(|name| group(name) == optional)
-            && !settings.contains_key(needed)
+            chosen.retain(|name, _| group(name) != optional);
+            chosen.insert(optional.to_owned(), NONE.into());
+        } else if chosen.keys().any(|name| group(name) == optional) && !chosen.contains_key(needed)
         {
             let at = changes.iter().position(|(name, _)| group(name) == optional);
             let what = format!("`{optional}` is none, and `{needed}` is needed to have it");
@@ -140,22 +139,22 @@ pub(super) fn changed(
         !extra && OPTIONAL.iter().all(|(optional, _)| group(name) != *optional)
     };
     if let Some(missing) =
-        super::settings().iter().find(|s| required(&s.name) && !settings.contains_key(&s.name))
+        settings().iter().find(|s| required(&s.name) && !chosen.contains_key(&s.name))
     {
         let what = format!("setting `{}` is missing, and there is no base", missing.name);
         return Err(Problem { at: None, what });
     }
     for (optional, _) in OPTIONAL {
-        if !settings.keys().any(|name| name == optional || group(name) == optional) {
-            settings.insert(optional.to_owned(), NONE.into());
+        if !chosen.keys().any(|name| name == optional || group(name) == optional) {
+            chosen.insert(optional.to_owned(), NONE.into());
         }
     }
     let whole = |what: String| Problem { at: None, what };
-    let scheme = build(&settings).map_err(whole)?;
+    let scheme = build(&chosen).map_err(whole)?;
     scheme.check_combinations().map_err(|what| whole(what.to_owned()))?;
-    let settings = scheme.settings();
-    match changes.iter().position(|(name, _)| !settings.contains_key(name)) {
-        Some(at) => Err(Problem { at: Some(at), what: idle(&changes[at].0, &settings) }),
+    let effective = scheme.settings();
+    match changes.iter().position(|(name, _)| !effective.contains_key(name)) {
+        Some(at) => Err(Problem { at: Some(at), what: idle(&changes[at].0, &effective) }),
         None => Ok(scheme),
     }
 }
@@ -256,81 +255,4 @@ pub(super) mod optional {
         }
         serde_json::from_value(value).map(Some).map_err(D::Error::custom)
     }
-}
-
-/// The settings as a page of Markdown: of each its name, the values that it takes, what it means
-/// and what the presets give it.
-pub fn settings_page() -> String {
-    let presets: Vec<_> =
-        super::PRESETS.iter().map(|p| (p.name.as_str(), p.scheme().settings())).collect();
-    let mut page = String::new();
-    let mut last = None;
-    for setting in settings() {
-        let group = group(&setting.name);
-        if last != Some(group) {
-            let title = if group.is_empty() { "the scheme itself" } else { group };
-            page += &format!("{}### {title}\n\n", if last.is_some() { "\n" } else { "" });
-            last = Some(group);
-        }
-        let mut values: Vec<(String, Vec<&str>)> = Vec::new();
-        for (name, settings) in &presets {
-            let Some(value) = settings.get(&setting.name) else { continue };
-            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            match values.iter_mut().find(|(v, _)| *v == value) {
-                Some((_, names)) => names.push(name),
-                None => values.push((value, vec![name])),
-            }
-        }
-        let doc = setting.doc.replace("[`", "`").replace("`]", "`");
-        let allowed = match &setting.allowed {
-            super::Allowed::Words(_) => String::new(),
-            allowed => format!(" ({allowed})"),
-        };
-        wrap(&mut page, &format!("- `{}`{allowed}: {doc}", setting.name), "  ");
-        let of = |value: &str| {
-            let names = values.iter().find(|(v, _)| v == value).map(|(_, names)| names.as_slice());
-            match names.unwrap_or_default() {
-                [] => String::new(),
-                names if names.len() == presets.len() => " In all presets.".to_owned(),
-                names => format!(" In {}.", names.join(", ")),
-            }
-        };
-        match &setting.allowed {
-            super::Allowed::Words(words) => {
-                for (word, doc) in words {
-                    let doc = doc.replace("[`", "`").replace("`]", "`");
-                    wrap(&mut page, &format!("  - `{word}`: {doc}{}", of(word)), "    ");
-                }
-            }
-            _ => {
-                for (value, _) in &values {
-                    wrap(&mut page, &format!("  - `{value}`:{}", of(value)), "    ");
-                }
-            }
-        }
-    }
-    page
-}
-
-/// Adds `text` in lines of at most 100 columns, those after the first behind `indent`.
-fn wrap(page: &mut String, text: &str, indent: &str) {
-    let mut width = 0;
-    let start = text.len() - text.trim_start().len();
-    for (k, word) in text.split_whitespace().enumerate() {
-        let length = word.chars().count();
-        if k == 0 {
-            page.push_str(&text[..start]);
-            width = start;
-        } else if width + 1 + length > 100 {
-            page.push('\n');
-            page.push_str(indent);
-            width = indent.len();
-        } else {
-            page.push(' ');
-            width += 1;
-        }
-        page.push_str(word);
-        width += length;
-    }
-    page.push('\n');
 }
