@@ -204,9 +204,9 @@ impl PathTracer<'_> {
         None
     }
 
-    /// The points with a diffuse lobe, or with glossy lobes that are cached, which cosine-distributed
-    /// rays from `points` meet: `count` rays, spread evenly over the points. With each point comes
-    /// the number of bands of its radiance record, 0 where none is wanted.
+    /// The points with a diffuse lobe, or with glossy lobes that are cached, which
+    /// cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
+    /// With each point comes the number of bands of its radiance record, 0 where none is wanted.
     pub fn next_points(
         &self,
         points: &[SurfacePoint],
