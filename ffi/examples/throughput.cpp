@@ -85,7 +85,8 @@ lumi_cache cache_of_radius(lumi_scene scene, float radius) {
     check(lumi_cache_set_i32(cache, "gather.rays", 16));
     check(lumi_cache_set_i32(cache, "levels", 1));
     check(lumi_cache_set_f32(cache, "radius.min_pixels", 0));
-    check(lumi_cache_set_f32(cache, "radius.max_radius", radius / 3.4641f)); // a fraction of the diagonal
+    // A fraction of the diagonal.
+    check(lumi_cache_set_f32(cache, "radius.max_radius", radius / 3.4641f));
     return cache;
 }
 

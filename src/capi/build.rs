@@ -4,7 +4,7 @@ use super::abi::{lumi_cache, lumi_query, read};
 use super::cache::{CacheObject, Settings};
 use super::handles::borrow;
 use super::query::Points;
-use super::scene::World as Kind;
+use super::scene::SceneKind;
 use super::status::{Fault, Outcome, guard, lumi_error};
 use crate::cache::{Cache, FillPlan, FillReport, ShadingPoint, scattered};
 use crate::error::Error;
@@ -34,11 +34,11 @@ impl CacheObject {
         let before = (snapshot.compact(), self.lobes.load_full());
         let have_wo = points.have_wo();
         let committed = self.scene.committed()?;
-        let (cache, lobes) = self.run(&progress, true, |exchange| match &committed.world {
-            Kind::Own(scene) => {
+        let (cache, lobes) = self.run(&progress, true, |exchange| match &committed.kind {
+            SceneKind::Own(scene) => {
                 self.build_own(scene, &settings, &seeds, have_wo, before, &progress)
             }
-            Kind::Host(host) => {
+            SceneKind::Host(host) => {
                 self.build_with(host, &settings, &seeds, before.0, exchange, &progress)
             }
         })??;
@@ -47,8 +47,7 @@ impl CacheObject {
         Ok(())
     }
 
-    /// In a scene of our own. Radiance records are made where the seeds say from where they are
-    /// looked at.
+    /// In a scene of our own. Radiance records are made where seeds have directions to the viewer.
     fn build_own(
         &self,
         scene: &Scene,
@@ -78,9 +77,8 @@ impl CacheObject {
         Ok((caches.cache, caches.lobes))
     }
 
-    /// The records that `seeds` need: irradiance everywhere, as hosts ask for it with or without
-    /// `wo`, and where it is `wanted` radiance on all surfaces of ours whose lobes are cached. A
-    /// host that says from where its points are looked at has a use for radiance, too.
+    /// The records that `seeds` need: irradiance everywhere, and where it is `wanted` radiance on
+    /// all surfaces of ours whose lobes are cached.
     fn shading_points(
         &self,
         tracer: PathTracer,
@@ -89,15 +87,8 @@ impl CacheObject {
         seeds: &[SurfacePoint],
         wanted: bool,
     ) -> Vec<ShadingPoint> {
-        let numbered = || (0_u32..).zip(seeds);
-        let of_irradiance = numbered().map(|(number, at)| ShadingPoint {
-            number,
-            point: *at,
-            irradiance: true,
-            order: 0,
-        });
         let Some(lobes) = caches.lobes.as_mut().filter(|_| wanted) else {
-            return of_irradiance.collect();
+            return irradiance_points(seeds).collect();
         };
         Arc::make_mut(lobes).admit_all();
         let (cache, lobes) = (&caches.cache, lobes.choice(&settings.scheme));
@@ -106,16 +97,15 @@ impl CacheObject {
             let wanted = cache.shading_point(0, number, point, order);
             (wanted.order > 0).then_some(ShadingPoint { irradiance: false, ..wanted })
         };
-        let of_radiance = numbered().filter_map(found);
+        let of_radiance = (0..).zip(seeds).filter_map(found);
         if settings.scheme.whole() {
             of_radiance.collect()
         } else {
-            of_irradiance.chain(of_radiance).collect()
+            irradiance_points(seeds).chain(of_radiance).collect()
         }
     }
 
-    /// In the scene of `host`, of whose surfaces little is known: irradiance alone, without
-    /// refinement.
+    /// In the scene of `host`: irradiance alone, without refinement.
     fn build_with(
         &self,
         host: &Host,
@@ -126,13 +116,7 @@ impl CacheObject {
         progress: &Progress,
     ) -> Outcome<Built> {
         let world = self.host_probe(host, exchange, progress)?;
-        let wanted = |(number, at): (u32, &SurfacePoint)| ShadingPoint {
-            number,
-            point: *at,
-            irradiance: true,
-            order: 0,
-        };
-        let points: Vec<ShadingPoint> = (0..).zip(seeds).map(wanted).collect();
+        let points: Vec<ShadingPoint> = irradiance_points(seeds).collect();
         let mut report = FillReport::new(&cache);
         cache.fill_levels(&world, &points, &settings.plan(), &mut report, progress)?;
         if progress.is_cancelled() {
@@ -141,6 +125,17 @@ impl CacheObject {
         self.counters.rays.fetch_add(report.gather_rays(), Ordering::Relaxed);
         Ok((cache, None))
     }
+}
+
+/// The irradiance records that `seeds` need.
+fn irradiance_points(seeds: &[SurfacePoint]) -> impl Iterator<Item = ShadingPoint> + '_ {
+    let needed = |(number, at): (u32, &SurfacePoint)| ShadingPoint {
+        number,
+        point: *at,
+        irradiance: true,
+        order: 0,
+    };
+    (0..).zip(seeds).map(needed)
 }
 
 impl Settings {

@@ -1,33 +1,29 @@
-//! Caches: settings, building, files, statistics.
+//! Caches: what they are made by, and work on the device's threads.
 
-use super::abi::{
-    LUMI_REUSE, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_record, lumi_scene, lumi_stats,
-    only, path, text, write,
-};
+use super::abi::{lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
+use super::device::pool;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
-use super::scene::{SceneObject, World};
+use super::scene::{SceneKind, SceneObject};
 use super::status::{
-    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error,
-    state,
+    Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
-use crate::cache::{Cache, CacheFile, Live, Origin, Preset, Scheme, settings};
+use crate::cache::{Cache, Live, Preset, Scheme, settings};
 use crate::gather::RadianceProbe;
-use crate::hosted::{Exchange, Host, HostProbe};
+use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
 use crate::render::Job;
 use crate::transport::{GlossyLobes, PathTracer, SceneProbe};
 use arc_swap::ArcSwapOption;
-use std::ffi::{c_char, c_void};
-use std::path::Path;
+use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError};
 use std::time::Instant;
 
 /// Points of each deeper level, unless the setting `deeper_points` says otherwise.
 const DEEPER_POINTS: u32 = 16_384;
-/// Width of a pixel where the host gives none, as a share of the scene's diagonal.
+/// Width of a pixel where the host gives none, as a fraction of the scene's diagonal.
 const FOOTPRINT: f32 = 0.002;
-/// Footprint of points that the camera does not see, as a share of the scene's diagonal.
+/// Footprint of points that the camera does not see, as a fraction of the scene's diagonal.
 const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// What a cache is made by.
@@ -49,7 +45,7 @@ pub(super) struct Counters {
     pub rays: AtomicU64,
     pub queries: AtomicU64,
     pub hits: AtomicU64,
-    nanoseconds: AtomicU64,
+    pub nanoseconds: AtomicU64,
 }
 
 impl Counters {
@@ -71,7 +67,7 @@ pub(super) struct CacheObject {
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
     /// Threads for gathers that wait for the host.
-    pub waiting: OnceLock<rayon::ThreadPool>,
+    waiting: OnceLock<rayon::ThreadPool>,
     pub counters: Counters,
 }
 
@@ -90,7 +86,7 @@ impl CacheObject {
     }
 
     /// The host's progress callback.
-    pub fn watcher(&self) -> Option<(Watcher, usize)> {
+    fn watcher(&self) -> Option<(Watcher, usize)> {
         let (callback, user) = *lock(&self.watcher);
         callback.map(|c| (c, user))
     }
@@ -122,20 +118,10 @@ impl CacheObject {
         self.lobes.store(lobes);
     }
 
-    fn origin(&self) -> Outcome<Origin> {
-        let (settings, committed) = (self.settings(), self.scene.committed()?);
-        Ok(Origin::new(
-            committed.hashes.clone(),
-            &settings.scheme,
-            settings.max_bounces,
-            committed.size(),
-        ))
-    }
-
     /// An empty cache under the settings.
-    fn empty(&self) -> Outcome<Cache> {
+    pub fn empty(&self) -> Outcome<Cache> {
         let settings = self.settings();
-        Ok(Cache::new(settings.scheme.clone(), settings.max_bounces, self.size()?))
+        Ok(Cache::new(settings.scheme, settings.max_bounces, self.size()?))
     }
 
     fn set(&self, name: &str, value: &str) -> Outcome {
@@ -155,9 +141,9 @@ impl CacheObject {
         f: impl FnOnce(&dyn RadianceProbe) -> R,
     ) -> Outcome<R> {
         let max_bounces = self.settings().max_bounces;
-        Ok(match &self.scene.committed()?.world {
-            World::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
-            World::Host(host) => f(&self.host_probe(host, exchange, progress)?),
+        Ok(match &self.scene.committed()?.kind {
+            SceneKind::Own(scene) => f(&SceneProbe::new(PathTracer { scene, max_bounces })),
+            SceneKind::Host(host) => f(&self.host_probe(host, exchange, progress)?),
         })
     }
 
@@ -173,57 +159,50 @@ impl CacheObject {
         Ok(HostProbe { host, exchange, max_bounces, footprint, progress })
     }
 
-    fn save(&self, path: &Path) -> Outcome {
-        Ok(CacheFile::new(&self.live.snapshot().compact(), self.origin()?).write(path)?)
+    /// Runs `work` on other threads. Meanwhile this thread calls the host's tracer, if the host
+    /// wants it so, and tells of `progress` where it is watched.
+    pub fn run<R: Send>(
+        &self,
+        progress: &Progress,
+        watched: bool,
+        work: impl FnOnce(&Exchange) -> R + Send,
+    ) -> Outcome<R> {
+        let own = &self.scene.device.pool;
+        let host = self.scene.committed()?.host();
+        let threads = host.map_or(Ok(own), |host| self.host_pool(host))?;
+        let watch = || {
+            if watched {
+                self.report(progress);
+            }
+        };
+        Ok(hosted::run(threads, host, own.current_num_threads(), watch, work)?)
     }
 
-    fn load(&self, path: &Path, reuse: bool) -> Outcome {
-        let _alone = self.change()?;
-        let scheme = self.settings().scheme;
-        self.put(CacheFile::read(path)?.into_cache(scheme, &self.origin()?, reuse, path)?, None);
-        Ok(())
+    /// Threads for gathers that wait for the host; made once.
+    fn host_pool(&self, host: &Host) -> Outcome<&rayon::ThreadPool> {
+        if let Some(pool) = self.waiting.get() {
+            return Ok(pool);
+        }
+        let rays = self.settings().scheme.gather.rays as usize;
+        let threads = host.gathering_threads(rays, self.scene.device.pool.current_num_threads());
+        let made = pool(threads, "lumicache-gather")?;
+        Ok(self.waiting.get_or_init(|| made))
     }
 
-    fn merge(&self, other: &Self, reuse: bool) -> Outcome {
-        let _alone = self.change()?;
-        let (scheme, origin, name) =
-            (self.settings().scheme, self.origin()?, Path::new("the other cache"));
-        let mut file = CacheFile::new(&self.live.snapshot().compact(), origin.clone());
-        file.merge(CacheFile::new(&other.live.snapshot().compact(), other.origin()?), reuse, name)?;
-        let mut cache = file.into_cache(scheme, &origin, reuse, name)?;
-        cache.share_radiance(self.live.snapshot().cache());
-        self.live.replace(cache);
-        Ok(())
-    }
-
-    fn stats(&self) -> Outcome<lumi_stats> {
-        let snapshot = self.live.snapshot();
-        let rule = snapshot.cache().radius_rule(0);
-        let radii = snapshot
-            .records()
-            .filter(|(level, _)| *level == 0)
-            .map(|(_, r)| f64::from(rule.radius(r.length, r.footprint).0));
-        let (sum, max, count) =
-            radii.fold((0.0, 0.0_f64, 0_u64), |(s, m, n), r| (s + r, m.max(r), n + 1));
-        let host = self.scene.committed()?.host().map_or([0; 2], Host::counts);
-        let load = |c: &AtomicU64| c.load(Ordering::Relaxed);
-        let (queries, hits) = (load(&self.counters.queries), load(&self.counters.hits));
-        Ok(lumi_stats {
-            struct_size: 0,
-            frozen: u32::from(snapshot.is_frozen()),
-            records: snapshot.record_count() as u64,
-            radiance_records: snapshot.cache().radiance_record_count() as u64,
-            bytes: snapshot.bytes() as u64,
-            rays: load(&self.counters.rays),
-            queries,
-            hits,
-            misses: queries.saturating_sub(hits),
-            host_calls: host[0],
-            host_rays: host[1],
-            build_seconds: load(&self.counters.nanoseconds) as f64 * 1e-9,
-            mean_radius: if count > 0 { sum / count as f64 } else { 0.0 },
-            max_radius: max,
-        })
+    /// Tells the host how far the work is; stops it if the host says so.
+    fn report(&self, progress: &Progress) {
+        let Some((callback, user)) = self.watcher() else { return };
+        let snapshot = progress.snapshot();
+        let fraction = (snapshot.done as f64 / snapshot.total.max(1) as f64).min(1.0);
+        let phase = CString::new(snapshot.phase.name()).unwrap_or_default();
+        // SAFETY: the host has given a function of this type and a pointer for it; the text lives
+        // during the call. No lock is held.
+        let stop = unsafe {
+            callback(std::ptr::with_exposed_provenance_mut(user), fraction, phase.as_ptr())
+        };
+        if stop != 0 {
+            progress.cancel();
+        }
     }
 }
 
@@ -372,141 +351,6 @@ pub unsafe extern "C" fn lumi_cache_set_progress(
     guard("lumi_cache_set_progress", || {
         let cache = borrow::<CacheObject>(cache)?;
         *lock(&cache.watcher) = (callback, user.expose_provenance());
-        Ok(())
-    })
-}
-
-/// Joins the records of all fills into one index, and refuses more records. Lookups are fastest
-/// then.
-///
-/// Threads: one per cache; lookups may go on meanwhile.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
-    guard("lumi_cache_freeze", || {
-        let cache = borrow::<CacheObject>(cache)?;
-        let _alone = cache.change()?;
-        cache.live.freeze();
-        Ok(())
-    })
-}
-
-/// Writes all records to a file with a checksum and the scene and settings that they were made for.
-/// The file is complete or not there: it is written elsewhere and renamed.
-///
-/// `file`: the path, UTF-8.
-///
-/// Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_save(cache: lumi_cache, file: *const c_char) -> lumi_error {
-    guard("lumi_cache_save", || borrow::<CacheObject>(cache)?.save(path(file)?))
-}
-
-fn reuse(flags: u32) -> Outcome<bool> {
-    only(LUMI_REUSE, flags, "reuse")?;
-    Ok(flags == LUMI_REUSE)
-}
-
-/// Replaces the records of the cache by those of a file. LUMI_ERROR_STALE_CACHE: the file was made
-/// for another scene or under other settings; LUMI_REUSE takes it nevertheless.
-/// LUMI_ERROR_CORRUPT_FILE: the file is damaged. After a failure the cache is as before.
-///
-/// `file`: the path, UTF-8. `flags`: 0 or LUMI_REUSE.
-///
-/// Threads: one per cache; lookups may go on meanwhile.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_load(
-    cache: lumi_cache,
-    file: *const c_char,
-    flags: u32,
-) -> lumi_error {
-    guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
-}
-
-/// Adds the records of `src` to `dst`, except those that `dst` has already. LUMI_ERROR_STALE_CACHE
-/// as for lumi_cache_load.
-///
-/// `flags`: 0 or LUMI_REUSE.
-///
-/// Threads: one per cache `dst`; lookups may go on meanwhile.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_merge(
-    dst: lumi_cache,
-    src: lumi_cache,
-    flags: u32,
-) -> lumi_error {
-    guard("lumi_cache_merge", || {
-        let (dst, src) = (borrow::<CacheObject>(dst)?, borrow::<CacheObject>(src)?);
-        dst.merge(&src, reuse(flags)?)
-    })
-}
-
-/// Drops all records. A frozen cache takes new records afterwards.
-///
-/// Threads: one per cache; lookups may go on meanwhile.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_clear(cache: lumi_cache) -> lumi_error {
-    guard("lumi_cache_clear", || {
-        let cache = borrow::<CacheObject>(cache)?;
-        let _alone = cache.change()?;
-        cache.put(cache.empty()?, None);
-        Ok(())
-    })
-}
-
-/// Numbers of the cache.
-///
-/// `stats`: set its struct_size first.
-///
-/// Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_get_stats(
-    cache: lumi_cache,
-    stats: *mut lumi_stats,
-) -> lumi_error {
-    guard("lumi_cache_get_stats", || {
-        write(stats, borrow::<CacheObject>(cache)?.stats()?, "the stats")
-    })
-}
-
-/// Writes at most `max` records to `out`, beginning with record number `first`. The records of the
-/// first level come first.
-///
-/// `n`: receives how many were written; with `out` NULL, how many there are.
-///
-/// Threads: any. The numbers of records stay the same while nothing is added.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_cache_get_records(
-    cache: lumi_cache,
-    first: usize,
-    max: usize,
-    out: *mut lumi_record,
-    n: *mut usize,
-) -> lumi_error {
-    guard("lumi_cache_get_records", || {
-        let cache = borrow::<CacheObject>(cache)?;
-        ensure!(!n.is_null(), "n is NULL");
-        let snapshot = cache.live.snapshot();
-        let mut count = 0;
-        if out.is_null() {
-            count = snapshot.record_count();
-        } else {
-            for (level, r) in snapshot.records().skip(first).take(max) {
-                let radius = snapshot.cache().radius_rule(level).radius(r.length, r.footprint).0;
-                let record = lumi_record {
-                    position: r.position.to_array(),
-                    normal: r.normal.to_array(),
-                    irradiance: r.payload.irradiance.to_array(),
-                    radius,
-                    sigma: r.sigma,
-                    level: level.into(),
-                };
-                // SAFETY: the host passes room for `max` records, and count < max.
-                unsafe { out.add(count).write_unaligned(record) };
-                count += 1;
-            }
-        }
-        // SAFETY: not NULL; the host passes the address of a number.
-        unsafe { n.write(count) };
         Ok(())
     })
 }

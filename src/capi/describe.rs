@@ -87,7 +87,7 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
     for (i, p) in positions.iter().enumerate() {
         ensure!(p.is_finite(), "mesh: position {i} is no finite vector");
     }
-    // A normal that is none is left to the surface: it is looked up as zero there.
+    // The surface replaces a normal that is zero.
     let normals: Option<Vec<Vec3>> = normals
         .map(|n| n.iter().map(|n| finite_or_zero(Vec3::from(n)).normalize_or_zero()).collect());
     let uv: Option<Vec<Vec2>> =

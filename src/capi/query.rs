@@ -12,7 +12,7 @@ use crate::geometry::SurfacePoint;
 use crate::hosted::surface_point;
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use crate::transport::PathTracer;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -20,7 +20,7 @@ use std::time::Instant;
 
 /// Paths per point for glossy light where the host gives no number.
 const GLOSSY_SAMPLES: u32 = 16;
-/// Points between two looks at the current snapshot.
+/// Points that are looked up in one snapshot.
 const CHUNK: usize = 4096;
 
 /// The points of a query in the host's memory.
@@ -75,7 +75,7 @@ impl Points {
         ))
     }
 
-    /// True if the host says from where they are looked at.
+    /// True if the host gives directions to the viewer.
     pub fn have_wo(&self) -> bool {
         self.wo.is_some()
     }
@@ -208,7 +208,7 @@ impl CacheObject {
         let found: Vec<Color> = self.scene.device.pool.install(|| {
             let one = |i: usize| {
                 let at = points.get(i)?;
-                let seed = hash(&[settings.seed, 3, i as u64]);
+                let seed = hash(&[settings.seed, stream::GLOSSY_QUERY, i as u64]);
                 tracer.glossy_indirect(&at, samples, seed, snapshot.cache(), lobes)
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()

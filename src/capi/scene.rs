@@ -20,15 +20,15 @@ use std::collections::BTreeMap;
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
-/// What rays see once a scene is committed.
-pub(super) enum World {
+/// Who keeps a committed scene.
+pub(super) enum SceneKind {
     Own(Box<Scene>),
     Host(Host),
 }
 
 /// A committed scene.
 pub(super) struct Committed {
-    pub world: World,
+    pub kind: SceneKind,
     /// Hashes of its parts, for cache files.
     pub hashes: BTreeMap<String, String>,
     /// All of them in one, hexadecimal.
@@ -39,17 +39,17 @@ pub(super) struct Committed {
 impl Committed {
     /// Length of the diagonal.
     pub fn size(&self) -> f32 {
-        match &self.world {
-            World::Own(scene) => scene.size(),
-            World::Host(host) => host.bounds.diagonal(),
+        match &self.kind {
+            SceneKind::Own(scene) => scene.size(),
+            SceneKind::Host(host) => host.bounds.diagonal(),
         }
     }
 
     /// The host, if it keeps the scene.
     pub fn host(&self) -> Option<&Host> {
-        match &self.world {
-            World::Own(_) => None,
-            World::Host(host) => Some(host),
+        match &self.kind {
+            SceneKind::Own(_) => None,
+            SceneKind::Host(host) => Some(host),
         }
     }
 }
@@ -109,9 +109,9 @@ impl SceneObject {
 
     /// The scene, if it is our own.
     pub fn own(&self) -> Outcome<&Scene> {
-        match &self.committed()?.world {
-            World::Own(scene) => Ok(scene),
-            World::Host(_) => Err(Fault::operation(
+        match &self.committed()?.kind {
+            SceneKind::Own(scene) => Ok(scene),
+            SceneKind::Host(_) => Err(Fault::operation(
                 "the host keeps this scene: the library cannot trace it by itself",
             )),
         }
@@ -134,7 +134,7 @@ impl SceneObject {
             Some(host) => {
                 let hash = format!("{:016x}", host.scene_hash);
                 let hashes = BTreeMap::from([("scene of the host".to_owned(), hash.clone())]);
-                Committed { bounds: host.bounds, world: World::Host(host), hashes, hash }
+                Committed { bounds: host.bounds, kind: SceneKind::Host(host), hashes, hash }
             }
             None => {
                 let draft: &mut Draft = &mut draft;
@@ -148,7 +148,7 @@ impl SceneObject {
     }
 }
 
-/// The world of a draft; the draft stays usable if that fails.
+/// The committed scene of a draft; the draft stays usable if that fails.
 fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     let mut data = draft.data.clone();
     // Meshes of a file come first and are placed already.
@@ -172,7 +172,7 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     let (hashes, hash) = (scene.hashes().clone(), scene.hash());
     warnings.iter().for_each(|w| device.warn(w));
     let scene = scene.with_tables(device.tables.clone());
-    Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
+    Ok(Committed { bounds: scene.bounds(), kind: SceneKind::Own(Box::new(scene)), hashes, hash })
 }
 
 /// Makes an empty scene; the caller owns a reference to it. Describe the scene or read it from a
@@ -437,11 +437,11 @@ pub unsafe extern "C" fn lumi_scene_get_info(
     guard("lumi_scene_get_info", || {
         let scene = borrow::<SceneObject>(scene)?;
         let committed = scene.committed()?;
-        let (triangles, cameras, backend) = match &committed.world {
-            World::Own(s) => {
+        let (triangles, cameras, backend) = match &committed.kind {
+            SceneKind::Own(s) => {
                 (s.geometry().triangle_count(), s.cameras().len(), s.accel().version())
             }
-            World::Host(_) => (0, 0, "host".to_owned()),
+            SceneKind::Host(_) => (0, 0, "host".to_owned()),
         };
         let value = lumi_scene_info {
             struct_size: 0,

@@ -8,7 +8,7 @@ use crate::geometry::{SurfacePoint, offset_origin};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
 use crate::sampling::{
-    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, unit_f32,
+    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, stream, unit_f32,
 };
 
 /// Sees the light that the host's tracer answers, and follows paths where no cache knows the
@@ -73,7 +73,7 @@ impl HostProbe<'_> {
     fn trace(&self, paths: &[Path], bounces: u32) -> Option<Batch> {
         let mut batch = Batch::default();
         for p in paths {
-            batch.push(p.origin, p.dir, bounces, hash(&[p.seed, 0]));
+            batch.push(p.origin, p.dir, bounces, hash(&[p.seed, stream::HOST_RAY]));
         }
         let answers = self.exchange.ask(batch);
         if answers.is_none() {
@@ -158,10 +158,10 @@ impl RadianceProbe for HostProbe<'_> {
                     bundle.radiance[p.ray] += weight * e * INV_PI;
                     continue;
                 }
-                let seed = hash(&[p.seed, u64::from(bounces), 1]);
+                let seed = hash(&[p.seed, u64::from(bounces), stream::HOST_VERTEX]);
                 if bounces >= ROULETTE_AFTER {
                     let survival = weight.max_element().min(MAX_SURVIVAL);
-                    if unit_f32(hash(&[seed, 2]) as u32) >= survival {
+                    if unit_f32(hash(&[seed, stream::HOST_ROULETTE]) as u32) >= survival {
                         continue;
                     }
                     weight /= survival;

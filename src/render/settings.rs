@@ -3,7 +3,7 @@
 use crate::cache::{Schedule, Scheme};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
 
 /// Which light transport makes the pixels.
@@ -109,7 +109,7 @@ pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
             order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p))
         }
         Schedule::Scattered => {
-            order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p))
+            order.sort_by_cached_key(|p| (hash(&[settings.seed, stream::ORDER, u64::from(*p)]), *p))
         }
     }
     order

@@ -13,7 +13,7 @@ use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
 use crate::math::Vec3;
 use crate::progress::{Phase, Progress};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -170,7 +170,7 @@ impl Cache {
         plan: &FillPlan,
     ) -> Vec<ShadingPoint> {
         let before: Vec<SurfacePoint> = before.iter().map(|p| p.point).collect();
-        let seed = hash(&[plan.seed, 2, u64::from(level)]);
+        let seed = hash(&[plan.seed, stream::DEEPER_POINTS, u64::from(level)]);
         let radiance = level < self.radiance_level_count();
         let found = world.next_points(&before, level, radiance, plan.deeper_points, seed);
         let wanted = |(k, (point, order))| self.shading_point(level, k, point, order);
@@ -331,7 +331,7 @@ impl Cache {
     ) -> Option<Gatherer<'a, Harmonics>> {
         let context = Projection { projector: self.projector()?, reflector };
         self.level(level)?.radiance()?;
-        let (rules, seed) = (self.radiance_rules()?, hash(&[seed, 3]));
+        let (rules, seed) = (self.radiance_rules()?, hash(&[seed, stream::RADIANCE_RECORDS]));
         Some(Gatherer::new(rules, probe, self.behind(level + 1), context, level, seed))
     }
 

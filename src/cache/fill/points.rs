@@ -2,7 +2,7 @@
 
 use crate::cache::payload::{Appearance, Lobes};
 use crate::geometry::SurfacePoint;
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 
 /// The shading points of one level, in the order in which they are visited.
 #[derive(Default)]
@@ -48,7 +48,7 @@ pub struct ShadingPoint {
 /// their number and `seed` alone.
 pub fn scattered(points: &[SurfacePoint], seed: u64) -> Vec<SurfacePoint> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    order.sort_by_cached_key(|i| (hash(&[seed, 1, u64::from(*i)]), *i));
+    order.sort_by_cached_key(|i| (hash(&[seed, stream::ORDER, u64::from(*i)]), *i));
     order.into_iter().map(|i| points[i as usize]).collect()
 }
 

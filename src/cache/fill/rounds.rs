@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use rayon::prelude::*;
 
 /// Size of the first growing round.
@@ -262,7 +262,7 @@ impl<'a, P: Payload> Filling<'a, P> {
             .map_init(
                 || gatherer.empty_gather(layout),
                 |samples, (k, (at, order))| {
-                    let seed = hash(&[gatherer.seed_at(at), 1]);
+                    let seed = hash(&[gatherer.seed_at(at), stream::RETAKE]);
                     samples.gather(gatherer.probe, at, gatherer.level, &gatherer.deeper, seed);
                     (first + k, gatherer.estimate(samples, at, *order))
                 },

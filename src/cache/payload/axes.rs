@@ -9,7 +9,7 @@ use crate::gather::{
 };
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec2, Vec3, luminance};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 
 /// The tilt of the normal up to which records are used, 20° [Ribardiere11, Sec. 5.3].
 pub const MAX_TILT: f32 = 0.349_066;
@@ -145,7 +145,8 @@ impl<'a> DirectSamples<'a> {
         let bundle = samples.bundle();
         let choice = |samples: u32, number: u64| {
             let every = if number == 0 { 1 } else { (bundle.len() as u32 / samples).max(1) };
-            LightChoice { samples, every, seen: number == 0, seed: hash(&[seed, 5, number]) }
+            let seed = hash(&[seed, stream::AXES, number]);
+            LightChoice { samples, every, seen: number == 0, seed }
         };
         let mut center = Vec::new();
         probe.lights(at, bundle, choice(LIGHT_RAYS, 0))?.arriving(&[at.position], &mut center);
