@@ -3,7 +3,8 @@
 
 use super::CachedLobes;
 use super::path::reflected;
-use super::path::{PathTracer, Sampled, Vertex};
+use super::path::{PathTracer, Sampled};
+use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::cache::Appearance;
 use crate::camera::{Camera, CameraRay};

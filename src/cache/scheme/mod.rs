@@ -1,13 +1,15 @@
 //! A caching scheme as plain data.
 
+mod vocabulary;
+mod table;
+mod set;
 mod check;
 mod preset;
-mod set;
-mod table;
-mod vocabulary;
+mod page;
 
+pub use page::settings_page;
 pub use preset::{PRESETS, Preset};
-pub use set::{settings, settings_page};
+pub use set::settings;
 pub use table::{Allowed, Bounds, Setting};
 pub use vocabulary::{
     Bands, Clamping, Contents, GlossyBasis, GlossyMetric, Hits, Kernel, Measure, Metric, Outline,
