@@ -1,8 +1,9 @@
 //! Shading of camera samples: direct light sampled, indirect light of diffuse surfaces from the
 //! cache, everything else by paths that end in it.
 
-use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
+use super::path::{PathTracer, Reflected, Sampled, Start, split};
 use super::points::{LONGEST_CHAIN, footprint};
+use super::vertex::Vertex;
 use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Behind, Cache};

@@ -9,7 +9,8 @@
 //! traced. What a delta lobe shows moves in another way and is left out.
 
 use super::IndirectLight;
-use super::path::{Reflected, Sampled, Step, Vertex};
+use super::path::{Reflected, Sampled, Step};
+use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::gather::HitChange;
 use crate::geometry::SurfacePoint;

@@ -1,14 +1,15 @@
 //! Light transport: the path tracer that everything is measured against, the bidirectional one, the
 //! probe that gathers in our own scene, and shading from the cache.
 
-mod bdpt;
-mod cached;
 mod direct;
-mod hit_change;
+mod vertex;
 mod lobes;
-mod outgoing;
 mod path;
+mod bdpt;
+mod hit_change;
+mod outgoing;
 mod points;
+mod cached;
 mod probe;
 mod reflector;
 mod stored_hits;
@@ -17,10 +18,11 @@ mod world;
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
 pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
-pub use path::{Origin, PathTracer, Start};
+pub use path::{PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
+pub use vertex::Origin;
 pub use world::{Look, SceneWorld};
 
 use crate::accel::Ray;

@@ -1,6 +1,7 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
-use super::path::{PathTracer, Sampled, Start, Vertex};
+use super::path::{PathTracer, Sampled, Start};
+use super::vertex::Vertex;
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;

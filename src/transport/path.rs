@@ -1,11 +1,12 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
+use super::vertex::{Origin, Vertex};
 use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
-use crate::math::{Color, INV_PI, Vec3};
+use crate::math::{Color, INV_PI};
 use crate::sampling::{
     LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler, cosine_hemisphere_pdf,
     square_to_cosine_hemisphere,
@@ -36,15 +37,6 @@ pub struct Start {
     pub origin: Origin,
 }
 
-/// A surface point as light sampling sees it.
-#[derive(Clone, Copy)]
-pub struct Origin {
-    /// The point.
-    pub position: Vec3,
-    /// The normal whose horizon hides lights; none where light from behind counts too.
-    pub facing: Option<Vec3>,
-}
-
 /// Which lobes the path goes on by, beside the light samples taken at a vertex.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sampled {
@@ -62,22 +54,6 @@ pub(super) enum Sampled {
     /// None, since caches know the indirect light of all: light samples alone account for direct
     /// light.
     Nothing,
-}
-
-/// A vertex from which the next ray leaves.
-pub(super) struct Vertex {
-    pub point: SurfacePoint,
-    pub bsdf: Bsdf,
-}
-
-impl Vertex {
-    /// The vertex as light sampling sees it.
-    pub fn origin(&self) -> Origin {
-        Origin {
-            position: self.point.position,
-            facing: (!self.bsdf.transmits()).then_some(self.point.ng),
-        }
-    }
 }
 
 /// What happens at a vertex: see [`PathTracer::step`].

@@ -4,7 +4,8 @@
 use super::bdpt::LightPaths;
 use super::direct::LightPoints;
 use super::hit_change::{Change, Views};
-use super::path::{PathTracer, Start, Vertex};
+use super::path::{PathTracer, Start};
+use super::vertex::Vertex;
 use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};

@@ -2,8 +2,9 @@
 //! what those are worth.
 
 use super::IndirectLight;
-use super::path::{PathTracer, Start, Vertex};
+use super::path::{PathTracer, Start};
 use super::points::position_hash;
+use super::vertex::Vertex;
 use crate::cache::{Answer, Harmonics, Hits, Store};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
