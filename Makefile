@@ -17,7 +17,7 @@ FFI_TESTS := accel:: imagefile::
 IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench clean
+.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz clean
 
 help: ## Lists the targets.
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
@@ -82,6 +82,12 @@ scenes: ## Writes scenes/ anew.
 
 bench: build ## Compares the ray tracing back ends (SCENE=NAME picks another one of scenes/).
 	$(CARGO) run --release --locked --quiet -- bench accel scenes/$(SCENE).gltf
+
+bench-hot: setup ## Measures lookups, gathers, bundles and shading.
+	$(CARGO) bench --locked --bench hot
+
+fuzz: setup ## Feeds damaged files to all readers, TIME=60 seconds each (needs nightly Rust, cargo-fuzz).
+	fuzz/run $(or $(TIME),60)
 
 clean: ## Removes what was built and rendered.
 	$(CARGO) clean

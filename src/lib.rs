@@ -15,6 +15,7 @@
 pub mod error;
 pub mod progress;
 pub mod fsutil;
+pub mod words;
 pub mod math;
 pub mod sampling;
 pub mod basis;

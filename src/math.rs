@@ -74,33 +74,11 @@ impl Frame {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_orthonormal_and_right_handed() {
-        for i in 0..1000 {
-            let z = 1.0 - 2.0 * (i as f32 + 0.5) / 1000.0;
-            let (phi, r) = (i as f32 * 2.399_963, (1.0 - z * z).sqrt());
-            let n = Vec3::new(r * phi.cos(), r * phi.sin(), z).normalize();
-            for f in [
-                Frame::from_normal(n),
-                Frame::from_normal_tangent(n, Vec3::new(0.3, -0.2, 0.9)),
-                Frame::from_normal_tangent(n, n),
-            ] {
-                assert!((f.s.cross(f.t) - f.n).length() < 1e-5, "{f:?}");
-                assert!((f.s.length() - 1.0).abs() < 1e-5 && f.s.dot(f.n).abs() < 1e-5, "{f:?}");
-                let v = Vec3::new(0.2, -0.7, 0.4);
-                assert!((f.to_world(f.to_local(v)) - v).length() < 1e-5);
-            }
-        }
-    }
-
-    #[test]
-    fn rounding_noise_does_not_flip_a_wall_s_tangents() {
-        let a = Frame::from_normal(Vec3::new(1.0, 0.0, 1e-7).normalize());
-        let b = Frame::from_normal(Vec3::new(1.0, 0.0, -1e-7).normalize());
-        assert!((a.s - b.s).length() < 1e-5 && (a.t - b.t).length() < 1e-5);
-    }
+/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place of `t` in the
+/// cell.
+#[inline]
+pub fn cell(t: f32, count: usize) -> (usize, f32) {
+    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
+    let i = (x as usize).min(count - 2);
+    (i, x - i as f32)
 }

@@ -20,17 +20,27 @@ mod numeric {
     mod accel; // both back ends agree
     mod accel_limits; // near, tiny, degenerate, not a number
     mod basis; // spherical and hemispherical harmonics
+    mod camera; // rays, what undoes them, keyframes
     mod chi2; // sample() agrees with pdf()
     mod coefficients; // derivatives of radiance coefficients against exact ones
     mod compare; // image metrics
     mod derivative; // gradients against closed forms
+    mod emission; // where light paths begin
     mod furnace_bsdf; // energy, reciprocity and consistency of the BSDFs
     mod hessians; // gradients and Hessians of the triangulated hemisphere against closed forms
     mod light_choice; // which lights are chosen
     mod lights; // light sampling
     mod lobes; // tables of glossy lobes
+    mod math; // frames, buffers
+    mod polygon; // irradiance in closed form
+    mod quadrature; // rules, slopes of harmonics
     pub mod radiance; // radiance coefficients and their gradients
+    mod sampling; // random streams, warps
+    mod shade; // what material and textures make of a point
     mod sky; // daylight
+    mod sky_models; // skies against their standards
+    mod strata; // directions of a hemisphere
+    mod texture; // texels
 }
 
 /// What the schemes promise.
@@ -44,6 +54,7 @@ mod schemes {
     mod report; // schemes on equal terms
     mod scotty3d; // what a second pass and the rotational gradient are worth
     mod steps_of_light; // small records at steps, few elsewhere
+    mod texts; // presets, files of users, settings by name
     mod two_glossy; // light from one glossy surface on another
     mod units; // of length and light do not matter
     mod zhao; // radiance records on all surfaces
@@ -75,6 +86,7 @@ mod capi; // the C library as C calls it, its header, its installation
 mod tools {
     mod architecture; // module order, file sizes
     mod cache_files; // caches saved, loaded, joined
+    mod documents; // the commands in the documents run
     mod file_order; // no circles between files
     mod prose; // citations, names of files and widths in documents and comments
     mod cli; // the command line as a user runs it

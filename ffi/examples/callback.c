@@ -1,7 +1,10 @@
-/* callback.c - a renderer that keeps its scene: a tracer of spheres lends its rays and its direct light, the library answers with indirect light.
+/* callback.c - a renderer that keeps its scene. A tracer of spheres lends its rays and its direct
+   light; the library answers with indirect light.
 
-   The scene is a closed sphere of radius 1 seen from inside, whose surface has the albedo 0.5 and receives the direct irradiance pi everywhere, so that it reflects the
-   direct radiance 0.5. The indirect irradiance is then pi * (0.5 + 0.25 + 0.125 + ...) = pi; a small black ball in the middle takes a little of it away.
+   The scene is a closed sphere of radius 1, seen from inside. Its surface has the albedo 0.5 and
+   receives the direct irradiance pi everywhere, so the surface reflects the direct radiance 0.5.
+   The indirect irradiance is then pi * (0.5 + 0.25 + 0.125 + ...) = pi. A small black ball in the
+   middle takes a little of it away.
 
    cc -std=c99 callback.c $(pkg-config --cflags --libs lumicache) -lm -o callback && ./callback */
 #include <lumicache.h>
@@ -22,7 +25,7 @@ static void check(lumi_error code) {
 
 static float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* Nearest distance above 0 at which the ray meets the sphere around the origin; infinite for a miss. */
+/* Nearest distance above 0 at which the ray meets the sphere around the origin; INFINITY: none. */
 static float sphere(const float *o, const float *d, float radius) {
     float b = dot(o, d), c = dot(o, o) - radius * radius, q = b * b - c;
     if (q < 0) return INFINITY;
@@ -76,7 +79,7 @@ int main(void) {
     check(lumi_scene_set_host(scene, &host));
     check(lumi_scene_commit(scene));
     check(lumi_cache_new(scene, NULL, &cache));
-    check(lumi_cache_set_i32(cache, "rays", 128));
+    check(lumi_cache_set_i32(cache, "gather.rays", 128));
     check(lumi_cache_set_i32(cache, "deeper_points", 1000));
 
     query.struct_size = sizeof query;
@@ -89,7 +92,8 @@ int main(void) {
         sum += irradiance[i][1] / N;
         missing += status[i] != LUMI_POINT_INTERPOLATED;
     }
-    printf("irradiance %.4f, %d of %d points missing, %llu rays\n", sum, missing, N, (unsigned long long)rays);
+    printf("irradiance %.4f, %d of %d points missing, %llu rays\n", sum, missing, N,
+           (unsigned long long)rays);
     lumi_cache_release(cache);
     lumi_scene_release(scene);
     lumi_device_release(device);

@@ -1,4 +1,5 @@
-/* host.c - a scene of our own: a box of five walls lit by a lamp; prints the indirect irradiance at points of its floor.
+/* host.c - a scene that the library keeps: a box of five walls lit by a lamp. Prints the indirect
+   irradiance at points of the floor.
 
    cc -std=c99 host.c $(pkg-config --cflags --libs lumicache) -o host && ./host [threads] */
 #include <lumicache.h>
@@ -26,14 +27,18 @@ static uint32_t material(lumi_scene scene, float r, float g, float b, float emis
     return id;
 }
 
-/* A parallelogram with the corner `o` and the sides `a` and `b`; its front is on the side of a x b. */
-static void quad(lumi_scene scene, const float o[3], const float a[3], const float b[3], uint32_t material) {
+/* A parallelogram with the corner `o` and the sides `a` and `b`; a x b points to its front. */
+static void quad(lumi_scene scene, const float o[3], const float a[3], const float b[3],
+                 uint32_t material) {
     static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
     float p[12];
     lumi_mesh_desc mesh = {0};
     uint32_t id;
     int k;
-    for (k = 0; k < 3; k++) p[k] = o[k], p[3 + k] = o[k] + a[k], p[6 + k] = o[k] + a[k] + b[k], p[9 + k] = o[k] + b[k];
+    for (k = 0; k < 3; k++) {
+        p[k] = o[k], p[3 + k] = o[k] + a[k];
+        p[6 + k] = o[k] + a[k] + b[k], p[9 + k] = o[k] + b[k];
+    }
     mesh.struct_size = sizeof mesh;
     mesh.positions.data = p, mesh.positions.count = 4, mesh.positions.format = LUMI_FORMAT_F32X3;
     mesh.indices.data = indices, mesh.indices.count = 2, mesh.indices.format = LUMI_FORMAT_U32X3;
@@ -46,7 +51,8 @@ int main(int argc, char **argv) {
     static const float o[3] = {0, 0, 0}, x[3] = {1, 0, 0}, y[3] = {0, 1, 0}, z[3] = {0, 0, 1};
     static const float right[3] = {1, 0, 0}, top[3] = {0, 1, 0}, lamp[3] = {0.35f, 0.99f, 0.35f};
     static const float lx[3] = {0.3f, 0, 0}, lz[3] = {0, 0, 0.3f};
-    static float position[POINTS * POINTS][3], normal[POINTS * POINTS][3], irradiance[POINTS * POINTS][3];
+    static float position[POINTS * POINTS][3], normal[POINTS * POINTS][3];
+    static float irradiance[POINTS * POINTS][3];
     static uint8_t status[POINTS * POINTS];
     char config[32], backend[64];
     lumi_device device;
@@ -72,11 +78,12 @@ int main(int argc, char **argv) {
     check(lumi_scene_commit(scene));
 
     for (i = 0; i < POINTS * POINTS; i++) {
-        position[i][0] = (i % POINTS + 0.5f) / POINTS, position[i][2] = (i / POINTS + 0.5f) / POINTS;
+        position[i][0] = (i % POINTS + 0.5f) / POINTS;
+        position[i][2] = (i / POINTS + 0.5f) / POINTS;
         normal[i][1] = 1;
     }
     check(lumi_cache_new(scene, "auto", &cache));
-    check(lumi_cache_set_i32(cache, "rays", 256));
+    check(lumi_cache_set_i32(cache, "gather.rays", 256));
     query.struct_size = sizeof query;
     query.n = POINTS * POINTS;
     query.position = position[0], query.normal = normal[0];

@@ -1,4 +1,5 @@
-// host.cpp - the library from C++17: handles that release themselves, errors as exceptions, a glTF scene, threads that look up while another fills.
+// host.cpp - the library from C++17: handles that release themselves, errors as exceptions, a glTF
+// scene, and threads that look up while another one fills.
 //
 //   host scene.gltf
 #include <lumicache.h>
@@ -44,7 +45,8 @@ std::vector<Point> look_around(lumi_scene scene, std::size_t count) {
         origin.push_back(0.5f * (info.bounds_min[i % 3] + info.bounds_max[i % 3]));
         dir.push_back(gauss(random));
     }
-    std::vector<float> distance(count), position(3 * count), normal(3 * count), geo(3 * count), albedo(3 * count);
+    std::vector<float> distance(count), position(3 * count), normal(3 * count), geo(3 * count);
+    std::vector<float> albedo(3 * count);
     lumi_trace_desc rays{};
     rays.struct_size = sizeof rays;
     rays.n = count;
@@ -92,14 +94,15 @@ int main(int argc, char **argv) try {
     lumi_cache c;
     check(lumi_cache_new(scene.get(), "auto", &c));
     Cache cache(c);
-    check(lumi_cache_set_i32(cache.get(), "rays", 64));
+    check(lumi_cache_set_i32(cache.get(), "gather.rays", 64));
     check(lumi_cache_set_i32(cache.get(), "levels", 1));
 
     const std::vector<Point> points = look_around(scene.get(), 4000);
     if (points.empty()) throw std::runtime_error("the scene has no diffuse surfaces");
     device.reset(), scene.reset(); // the cache keeps what it needs
 
-    // Two threads ask for everything, each from its end, and fill what is missing; a third only looks.
+    // Two threads ask for all points, each from its end, and fill the missing ones; a third one
+    // looks up.
     auto ask = [&](std::size_t begin, std::size_t end, std::uint32_t flags) {
         std::vector<float> irradiance(3 * (end - begin));
         lumi_query q = query(points.data() + begin, end - begin, irradiance.data(), nullptr);
@@ -126,9 +129,10 @@ int main(int argc, char **argv) try {
     lumi_stats stats{};
     stats.struct_size = sizeof stats;
     check(lumi_cache_get_stats(cache.get(), &stats));
-    std::printf("%zu points, %zu missing, %llu records, mean irradiance %.4f\n", points.size(), missing,
-                static_cast<unsigned long long>(stats.records), mean);
-    if (missing > points.size() / 100 || !(mean > 0)) throw std::runtime_error("the points are not covered");
+    std::printf("%zu points, %zu missing, %llu records, mean irradiance %.4f\n", points.size(),
+                missing, static_cast<unsigned long long>(stats.records), mean);
+    if (missing > points.size() / 100 || !(mean > 0))
+        throw std::runtime_error("the points are not covered");
     return 0;
 } catch (const std::exception &error) {
     std::fprintf(stderr, "host: %s\n", error.what());

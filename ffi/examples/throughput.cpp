@@ -1,6 +1,8 @@
-// throughput.cpp - what lookups cost: nanoseconds per point for more and more records, on one thread, on two, and on two while a third fills.
+// throughput.cpp - what lookups cost: nanoseconds per point for more and more records, on one
+// thread, on two, and on two while a third one fills.
 //
-// Times are CPU times of the asking threads, so that other programs on the machine do not count; threads that waited for each other would show in the wall time per CPU time.
+// Times are CPU times of the asking threads, so that other programs on the machine do not count.
+// Threads that waited for each other would show in the wall time per CPU time.
 #include <lumicache.h>
 
 #include <chrono>
@@ -24,7 +26,8 @@ void check(lumi_error code) {
 int32_t shell(void *, lumi_ray_batch *batch) {
     for (uint32_t i = 0; i < batch->n; i++) {
         const float *o = batch->origin + 3 * i, *d = batch->dir + 3 * i;
-        const float half = o[0] * d[0] + o[1] * d[1] + o[2] * d[2], c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - 1;
+        const float half = o[0] * d[0] + o[1] * d[1] + o[2] * d[2];
+        const float c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - 1;
         batch->distance[i] = std::fmax(0.f, -half + std::sqrt(std::fmax(0.f, half * half - c)));
         batch->radiance[3 * i] = batch->radiance[3 * i + 1] = batch->radiance[3 * i + 2] = 1;
     }
@@ -37,7 +40,8 @@ struct Points {
     Points(std::size_t n, float z0, float z1) : position(3 * n), normal(3 * n), count(n) {
         for (std::size_t i = 0; i < n; i++) {
             // A walk that jumps about, as the rays of a renderer do.
-            const double u = std::fmod(i * 0.7548776662466927, 1), z = z0 + (z1 - z0) * u, r = std::sqrt(1 - z * z);
+            const double u = std::fmod(i * 0.7548776662466927, 1);
+            const double z = z0 + (z1 - z0) * u, r = std::sqrt(1 - z * z);
             const double phi = 6.283185307179586 * std::fmod(i * 0.5698402909980532, 1);
             const float p[3] = {float(r * std::cos(phi)), float(r * std::sin(phi)), float(z)};
             for (int k = 0; k < 3; k++) position[3 * i + k] = p[k], normal[3 * i + k] = -p[k];
@@ -78,10 +82,11 @@ lumi_stats stats(lumi_cache cache) {
 lumi_cache cache_of_radius(lumi_scene scene, float radius) {
     lumi_cache cache;
     check(lumi_cache_new(scene, "ward88", &cache));
-    check(lumi_cache_set_i32(cache, "rays", 16));
+    check(lumi_cache_set_i32(cache, "gather.rays", 16));
     check(lumi_cache_set_i32(cache, "levels", 1));
-    check(lumi_cache_set_f32(cache, "min_pixels", 0));
-    check(lumi_cache_set_f32(cache, "max_radius", radius / 3.4641f)); // a share of the diagonal
+    check(lumi_cache_set_f32(cache, "radius.min_pixels", 0));
+    // A fraction of the diagonal.
+    check(lumi_cache_set_f32(cache, "radius.max_radius", radius / 3.4641f));
     return cache;
 }
 
@@ -109,7 +114,8 @@ int main(int argc, char **argv) try {
         lumi_query q = seeds.query();
         check(lumi_cache_build(cache, &q));
         ask(cache, points); // warm
-        std::printf("%8llu records: %6.1f ns per point\n", (unsigned long long)stats(cache).records, ask(cache, points));
+        const auto records = (unsigned long long)stats(cache).records;
+        std::printf("%8llu records: %6.1f ns per point\n", records, ask(cache, points));
         std::fflush(stdout);
         lumi_cache_release(cache);
     }
@@ -129,10 +135,12 @@ int main(int argc, char **argv) try {
                 for (int i = 0; i < 4; i++) cost[t] += ask(cache, upper) / 4;
             });
         for (auto &t : threads) t.join();
-        const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        const auto end = std::chrono::steady_clock::now();
+        const double wall = std::chrono::duration<double>(end - start).count();
         double rate = 0;
         for (double c : cost) rate += 1e3 / c;
-        std::printf("%-32s %6.1f ns per point, %6.2f million points per CPU s, %6.2f per s\n", what, cost[0], rate, 4 * count / wall);
+        std::printf("%-32s %6.1f ns per point, %6.2f million points per CPU s, %6.2f per s\n", what,
+                    cost[0], rate, 4 * count / wall);
         std::fflush(stdout);
         return rate;
     };
@@ -152,7 +160,8 @@ int main(int argc, char **argv) try {
     const double during = readers(2, "two threads while a third fills");
     __atomic_store_n(&stop, true, __ATOMIC_RELAXED);
     filler.join();
-    std::printf("records %zu -> %llu; two threads %.2f of one, %.2f while filling\n", before, (unsigned long long)stats(cache).records, two / one, during / one);
+    std::printf("records %zu -> %llu; two threads %.2f of one, %.2f while filling\n", before,
+                (unsigned long long)stats(cache).records, two / one, during / one);
     lumi_cache_release(cache);
     lumi_scene_release(scene);
     lumi_device_release(device);

@@ -1,10 +1,12 @@
-"""Lumicache beside other libraries in one process: the answers and the version of Embree stay the same.
+"""Lumicache beside other libraries in one process: answers and version of Embree stay the same.
 
    python test_together.py LIBRARY SCENE.gltf EXPECTED-EMBREE [STEP...]
 
-Steps, in the order in which they are done: `lumicache` (load it and ask), a Python module to import, or the path of a library that is loaded into the global symbol scope. Prints a hash of
-the answers; the caller compares those of different orders.
+Steps, done in order: `lumicache` (load it and ask), a Python module to import, or the path of a
+library that is loaded into the global symbol scope. Prints a hash of the answers; the caller
+compares the hashes of different orders.
 """
+
 import ctypes
 import hashlib
 import importlib
@@ -24,7 +26,7 @@ def ask(path, scene_file, expected):
     scene.load_gltf(scene_file)
     scene.commit()
     cache = scene.cache("auto")
-    cache.set(rays=64, deeper_points=500)
+    cache.set(deeper_points=500, **{"gather.rays": 64})
     x, z = np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40))
     positions = np.stack([x.ravel(), np.zeros(x.size), z.ravel()], 1)
     normals = np.tile(np.float32([0, 1, 0]), (len(positions), 1))

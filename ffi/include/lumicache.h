@@ -454,7 +454,8 @@ typedef struct lumi_render_desc {
   uint32_t width;
   // Rows.
   uint32_t height;
-  // Samples per pixel; 0: 16.
+  // Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times as
+  // many where a pixel of the cache is still noisy.
   uint32_t samples;
   // Zero.
   uint32_t reserved;

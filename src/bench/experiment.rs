@@ -8,27 +8,25 @@
 use super::page;
 use super::report::{Report, Row};
 use super::search::{Attempt, Stage, TOLERANCE};
-use crate::cache::{Appearance, Contents, Preset, Scheme};
+use crate::cache::{Contents, Preset, Scheme};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::gather::{Density, HemisphereSamples, Layout, NoDeeper};
-use crate::geometry::SurfacePoint;
-use crate::imagefile::exr::{self, Attribute, Channel, Layers, SampleKind};
-use crate::imagefile::ldr;
+use crate::imagefile::{Attribute, Picture, SampleKind, exr, ldr};
 use crate::math::{Color, luminance};
 use crate::progress::{Phase, Progress};
 use crate::render::{Settings, camera_sample};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use crate::scene::Scene;
-use crate::transport::{PathTracer, SceneProbe};
+use crate::transport::{PathTracer, SceneProbe, View};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// Bounds of the areas that all schemes share, unless a plan says otherwise: schemes differ in how
 /// they use the room between.
 const BOUNDS: [(&str, &str); 3] =
-    [("normal_limit", "1"), ("min_pixels", "1"), ("max_radius", "0.3")];
+    [("validity.normal_limit", "1"), ("radius.min_pixels", "1"), ("radius.max_radius", "0.3")];
 /// The search begins with this share of the rays, but no fewer than `ROUGH_RAYS`: the number of
 /// records depends little on them.
 const ROUGH: u32 = 8;
@@ -82,9 +80,9 @@ pub fn run(
         .map(|p| camera_sample(settings, p, 0, u32::MAX))
         .map(|s| (s.camera, s.seed))
         .collect();
-    let stage = Stage { tracer, settings, seen: tracer.appearances(&rays), progress };
+    let stage = Stage { tracer, settings, seen: tracer.views(&rays, None), progress };
     let reference = stage.reference(plan)?;
-    exr::write(&folder.join("reference.exr"), &reference.layers)?;
+    exr::write(&folder.join("reference.exr"), &reference.picture)?;
     stage.picture(&folder.join("reference.png"), &reference.colors, reference.exposure)?;
     let mut report = Report {
         title: title.to_owned(),
@@ -100,8 +98,9 @@ pub fn run(
         base.check()?;
         let mut scale = 1.0;
         for &wanted in &plan.records {
-            let rough = Scheme { rays: (base.rays / ROUGH).max(ROUGH_RAYS), ..base.clone() };
-            if rough.rays < base.rays {
+            let mut rough = base.clone();
+            rough.gather.rays = (base.gather.rays / ROUGH).max(ROUGH_RAYS);
+            if rough.gather.rays < base.gather.rays {
                 stage.search(&rough, wanted, &mut scale)?;
             }
             let attempt = stage.search(&base, wanted, &mut scale)?;
@@ -117,13 +116,14 @@ pub fn run(
 
 /// The variant `text` with what `plan` wants of all schemes.
 fn base(text: &str, plan: &Plan) -> Result<Scheme> {
-    let contents = Contents::Indirect;
-    let scheme = variant(text, &plan.settings)?;
-    Ok(Scheme { rays: plan.rays, levels: 1, noise: 0.0, contents, ..scheme })
+    let mut scheme = variant(text, &plan.settings)?;
+    (scheme.gather.rays, scheme.gather.noise) = (plan.rays, 0.0);
+    (scheme.levels, scheme.contents) = (1, Contents::Indirect);
+    Ok(scheme)
 }
 
 /// The scheme that `text` names: a preset, and settings behind colons, as in
-/// `ward-heckbert92:gradient_clamp=false:min_pixels=0`. Before those it gets the bounds that all
+/// `ward-heckbert92:clamping=none:radius.min_pixels=0`. Before those it gets the bounds that all
 /// have in common, normals up to 1 radian apart and radii from 1 pixel to 0.3 of the scene's
 /// diagonal, and then `settings`.
 ///
@@ -132,20 +132,21 @@ fn base(text: &str, plan: &Plan) -> Result<Scheme> {
 pub fn variant(text: &str, settings: &[(String, String)]) -> Result<Scheme> {
     let mut parts = text.split(':');
     let mut scheme = Preset::by_name(parts.next().unwrap_or_default())?.scheme();
-    BOUNDS.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    settings.iter().try_for_each(|(key, value)| scheme.set(key, value))?;
-    for part in parts {
-        let (key, value) = part.split_once('=').ok_or_else(|| {
-            Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
-        })?;
-        scheme.set(key, value)?;
-    }
+    let own: Result<Vec<_>> = parts
+        .map(|part| {
+            part.split_once('=').ok_or_else(|| {
+                Error::InvalidArgument(format!("preset `{text}`: expected KEY=VALUE, not `{part}`"))
+            })
+        })
+        .collect();
+    let all = settings.iter().map(|(key, value)| (key.as_str(), value.as_str()));
+    scheme.set_all(BOUNDS.into_iter().chain(all).chain(own?))?;
     Ok(scheme)
 }
 
 /// What rows are compared with.
 struct Reference {
-    layers: Layers,
+    picture: Picture,
     colors: Vec<Color>,
     /// The exposure of all pictures, in stops.
     exposure: f32,
@@ -157,34 +158,33 @@ struct Reference {
 impl Stage<'_> {
     /// The reference that `plan` names, or a new one.
     fn reference(&self, plan: &Plan) -> Result<Reference> {
-        let layers = match &plan.reference {
+        let picture = match &plan.reference {
             Some(path) => exr::read(path)?,
             None => self.trace_reference(plan.reference_rays)?,
         };
-        let [noise, noise_rmse] = NOISE.map(|name| match layers.attribute(name) {
+        let [noise, noise_rmse] = NOISE.map(|name| match picture.attribute(name) {
             Some(Attribute::Double(noise)) => Some(*noise),
             _ => None,
         });
-        let colors = colors(&layers);
+        // Black where a channel is missing, which the comparison will complain of.
+        let colors = picture.colors("").unwrap_or_default();
         let points = self.seen.iter().flatten().count().max(1) as f32;
         let mean = colors.iter().map(|c| luminance(*c)).sum::<f32>() / points;
         let exposure = (0.3 / mean.max(f32::MIN_POSITIVE)).log2();
-        Ok(Reference { layers, colors, exposure, noise, noise_rmse })
+        Ok(Reference { picture, colors, exposure, noise, noise_rmse })
     }
 
     /// Irradiance at each pixel by `rays` rays in two halves, whose difference tells the noise.
-    fn trace_reference(&self, rays: u32) -> Result<Layers> {
+    fn trace_reference(&self, rays: u32) -> Result<Picture> {
         let half = |number: u64| {
             self.progress.start(Phase::Fill, self.seen.len() as u64);
-            let gather =
-                |samples: &mut HemisphereSamples,
-                 (p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
-                    self.progress.advance(1);
-                    let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
-                    let seed = hash(&[self.settings.seed, 3, number, p as u64]);
-                    samples.gather(&SceneProbe::new(self.tracer), at, 0, &NoDeeper, seed);
-                    Some(samples.irradiance())
-                };
+            let gather = |samples: &mut HemisphereSamples, (p, seen): (usize, &Option<View>)| {
+                self.progress.advance(1);
+                let at = &seen.as_ref().filter(|_| !self.progress.is_cancelled())?.0;
+                let seed = hash(&[self.settings.seed, stream::REFERENCE, number, p as u64]);
+                samples.gather(&SceneProbe::new(self.tracer), at, 0, &NoDeeper, seed);
+                Some(samples.irradiance())
+            };
             let samples =
                 || HemisphereSamples::new(Layout::polar((rays / 2).max(16)), Density::Cosine);
             self.seen
@@ -217,8 +217,9 @@ impl Stage<'_> {
         reference: &Reference,
         folder: &Path,
     ) -> Result<Row> {
-        let (image, uncovered) = self.irradiance(attempt, attempt.cache.scheme().rays);
-        let found = compare(&self.layers(&image), &reference.layers, &compare::Options::default())?;
+        let (image, uncovered) = self.irradiance(attempt, attempt.cache.scheme().gather.rays);
+        let found =
+            compare(&self.layers(&image), &reference.picture, &compare::Options::default())?;
         let plain = |c: char| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' };
         let file: String = preset.chars().map(plain).collect();
         let (picture, difference) =
@@ -234,7 +235,7 @@ impl Stage<'_> {
             wanted,
             records,
             equal: (records as f64 / wanted as f64 - 1.0).abs() <= TOLERANCE,
-            error: attempt.cache.scheme().error,
+            error: attempt.cache.scheme().validity.error,
             passes: attempt.passes,
             seconds: attempt.seconds,
             uncovered,
@@ -252,13 +253,13 @@ impl Stage<'_> {
     /// Irradiance at each pixel by the records, and the number of points that have none: `rays`
     /// are gathered there.
     fn irradiance(&self, attempt: &Attempt, rays: u32) -> (Vec<Color>, usize) {
-        let answer = |(p, seen): (usize, &Option<(SurfacePoint, Appearance)>)| {
-            let Some((at, _)) = seen else { return (Color::ZERO, 0) };
+        let answer = |(p, seen): (usize, &Option<View>)| {
+            let Some((at, ..)) = seen else { return (Color::ZERO, 0) };
             if let Some(answer) = attempt.cache.lookup(0, at, attempt.limits[p]) {
                 return (answer.irradiance, 0);
             }
             let mut samples = HemisphereSamples::new(Layout::polar(rays), Density::Cosine);
-            let seed = hash(&[self.settings.seed, 4, p as u64]);
+            let seed = hash(&[self.settings.seed, stream::NO_RECORD, p as u64]);
             samples.gather(&SceneProbe::new(self.tracer), at, 0, &NoDeeper, seed);
             (samples.irradiance(), 1)
         };
@@ -267,34 +268,16 @@ impl Stage<'_> {
     }
 
     /// Colours as a picture whose alpha says where there is a shading point.
-    fn layers(&self, pixels: &[Color]) -> Layers {
-        let kind = SampleKind::Float;
-        let channel = |name: &str, samples| Channel { name: name.into(), kind, samples };
-        let color = |k: usize| pixels.iter().map(|c| c[k]).collect();
+    fn layers(&self, pixels: &[Color]) -> Picture {
         let alpha = self.seen.iter().map(|s| f32::from(u8::from(s.is_some()))).collect();
-        let [width, height] = self.settings.size;
-        Layers {
-            width,
-            height,
-            channels: vec![
-                channel("R", color(0)),
-                channel("G", color(1)),
-                channel("B", color(2)),
-                channel("A", alpha),
-            ],
-            ..Layers::default()
-        }
+        let mut picture = Picture::new(self.settings.size);
+        picture.add_colors("", SampleKind::Float, pixels);
+        picture.add("A", SampleKind::Float, alpha);
+        picture
     }
 
     fn picture(&self, path: &Path, pixels: &[Color], exposure: f32) -> Result<()> {
         let [width, height] = self.settings.size;
         ldr::write_png(path, width, height, &ldr::to_srgb8(pixels, exposure))
     }
-}
-
-/// The colours of a reference; black where a channel is missing, which comparing will complain of.
-fn colors(layers: &Layers) -> Vec<Color> {
-    let plane = |name: &str| layers.channel(name).map(|c| c.samples.as_slice()).unwrap_or_default();
-    let [r, g, b] = ["R", "G", "B"].map(plane);
-    r.iter().zip(g).zip(b).map(|((r, g), b)| Color::new(*r, *g, *b)).collect()
 }

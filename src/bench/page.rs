@@ -124,7 +124,7 @@ fn diagram(report: &Report) -> Result<String> {
 }
 
 fn plot(report: &Report, svg: &mut String) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    // The axes hold logarithms: plotters' own logarithmic axis has few labels within a decade.
+    // The axes hold logarithms: plotters' own logarithmic axis has no labels within a decade.
     let place = |r: &Row| ((r.records.max(1) as f64).log10(), r.relmse.max(1e-12).log10());
     let (x, y) = report.rows.iter().map(place).unzip();
     let root = SVGBackend::with_string(svg, DIAGRAM).into_drawing_area();

@@ -1,11 +1,10 @@
 //! The allowed error that gives a scheme a wanted number of records, and the cache that has them.
 
-use crate::cache::{Appearance, Cache, LevelPoints, Order, Refinement, Scheme};
+use crate::cache::{Cache, FillPlan, Schedule, Scheme, ShadingPoint};
 use crate::error::{Error, Result};
-use crate::geometry::SurfacePoint;
-use crate::progress::{Phase, Progress};
-use crate::render::{Caches, Gloss, Job, Settings, Spot, pixel_order};
-use crate::transport::{PathTracer, SceneProbe};
+use crate::progress::Progress;
+use crate::render::{Caches, Settings, pixel_order};
+use crate::transport::{CachedLobes, GlossyLobes, PathTracer, SceneWorld, View};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,7 +18,7 @@ pub struct Stage<'a> {
     pub tracer: PathTracer<'a>,
     pub settings: &'a Settings,
     /// The shading point of each pixel.
-    pub seen: Vec<Option<(SurfacePoint, Appearance)>>,
+    pub seen: Vec<Option<View>>,
     pub progress: &'a Progress,
 }
 
@@ -40,7 +39,7 @@ type Sample = Option<(f64, f64)>;
 impl Attempt {
     /// The number of records.
     pub fn records(&self) -> usize {
-        self.cache.level(0).map_or(0, |l| l.records().len())
+        self.cache.records(0).len()
     }
 }
 
@@ -78,70 +77,45 @@ impl Stage<'_> {
             .ok_or_else(|| Error::InvalidArgument("nothing was tried".into()))
     }
 
+    /// A cache by `scale` times the errors of `base`. Where the scheme has radiance records on all
+    /// surfaces, their irradiance is what is compared.
     fn attempt(&self, base: &Scheme, scale: f32) -> Result<Attempt> {
         let mut scheme = base.clone();
         scheme.scale_error(scale);
-        let (one_pass, refined) = (scheme.passes == 1, scheme.refinement != Refinement::None);
-        let round =
-            if scheme.order == Order::Scanline { self.settings.size[0] as usize } else { 0 };
-        let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..self.settings.clone() });
+        let (tracer, settings) = (self.tracer, self.settings);
+        let mut pixels = pixel_order(&Settings { scheme: scheme.clone(), ..settings.clone() });
         pixels.retain(|&p| self.seen[p as usize].is_some());
-        let (points, appearance): (Vec<_>, Vec<_>) =
-            pixels.iter().filter_map(|&p| self.seen[p as usize]).unzip();
-        let points = LevelPoints { points, round };
-        self.progress.start(Phase::Fill, points.points.len() as u64);
         let start = Instant::now();
-        let probe = SceneProbe::new(self.tracer);
-        let mut cache = Cache::new(scheme, self.settings.max_bounces, self.tracer.scene.size());
-        if cache.scheme().radiance_diffuse {
-            return self.attempt_whole(cache, &points, start);
-        }
-        let mut stats = cache.fill(&probe, 0, &points, self.settings.seed, self.progress)?;
-        if refined {
-            stats.add(&cache.converge(
-                &probe,
-                0,
-                &points.points,
-                &appearance,
-                self.settings.seed,
-                self.progress,
-            )?);
-        }
+        let scene = tracer.scene;
+        let lobes = if scheme.whole() {
+            GlossyLobes::new(scene, &scheme, settings.max_bounces).map(Arc::new)
+        } else {
+            None
+        };
+        let cache = Cache::new(scheme.clone(), settings.max_bounces, scene.size());
+        let mut caches = Caches::with(cache, lobes.clone());
+        let points: Vec<ShadingPoint> = pixels
+            .iter()
+            .filter_map(|&p| self.seen[p as usize].map(|(point, ..)| (p, point)))
+            .map(|(p, point)| caches.cache.shading_point(0, p, point, 0))
+            .collect();
+        let look = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
+            points.iter().map(|p| self.seen[p.number as usize]).collect()
+        };
+        let towards = |p| settings.camera.towards(p);
+        let world = SceneWorld::new(tracer, lobes.as_deref(), &scheme)
+            .with_look(&look)
+            .with_viewer(&towards);
+        let scanline = scheme.schedule.is_by_row();
+        let round = if scanline { settings.size[0] as usize } else { 0 };
+        let plan = FillPlan { deeper_points: 0, round, seed: settings.seed };
+        let births = caches.fill(&world, &points, &plan, self.progress)?;
         let mut limits = vec![u32::MAX; self.seen.len()];
-        if one_pass {
-            pixels.iter().zip(&stats.births).for_each(|(&p, &birth)| limits[p as usize] = birth);
+        if scheme.schedule == Schedule::OnePass {
+            points.iter().zip(births).for_each(|(p, birth)| limits[p.number as usize] = birth);
         }
-        Ok(Attempt { cache, limits, passes: stats.passes, seconds: start.elapsed().as_secs_f64() })
-    }
-
-    /// The same where radiance records stand on all surfaces: their irradiance is compared.
-    fn attempt_whole(&self, cache: Cache, points: &LevelPoints, start: Instant) -> Result<Attempt> {
-        let gloss = Gloss::new(self.tracer.scene, cache.scheme(), self.settings.max_bounces);
-        let order = cache.scheme().radiance_order;
-        let mut caches = Caches::of(cache, gloss.map(Arc::new));
-        let spot = |(number, point): (u32, &SurfacePoint)| Spot {
-            number,
-            point: *point,
-            irradiance: false,
-            order,
-        };
-        let spots: Vec<Spot> = (0..).zip(&points.points).map(spot).collect();
-        let job = Job {
-            tracer: self.tracer,
-            deeper_points: 0,
-            round: points.round,
-            seed: self.settings.seed,
-            // Such schemes do not refine.
-            look: &|spots, _| vec![None; spots.len()],
-            towards: Some(&|p| self.settings.camera.towards(p)),
-        };
-        caches.fill(&job, &spots, self.progress)?;
-        let limits = vec![u32::MAX; self.seen.len()];
-        Ok(Attempt {
-            cache: caches.cache,
-            limits,
-            passes: 0,
-            seconds: start.elapsed().as_secs_f64(),
-        })
+        let passes = caches.report.irradiance.iter().map(|f| f.passes).sum();
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Attempt { cache: caches.cache, limits, passes, seconds })
     }
 }

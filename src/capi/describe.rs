@@ -7,7 +7,7 @@ use super::abi::{
     LUMI_WRAP_CLAMP, LUMI_WRAP_MIRROR, LUMI_WRAP_REPEAT, lent, lumi_light_desc, lumi_material_desc,
     lumi_mesh_desc, lumi_texture_desc, lumi_view, only,
 };
-use super::status::{Fault, Outcome};
+use super::status::{Fault, Outcome, ensure};
 use crate::geometry::TriangleMesh;
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::{AlphaMode, Material};
@@ -19,12 +19,13 @@ use std::sync::Arc;
 /// Largest size of a texture along an axis.
 const MAX_TEXTURE: u32 = 1 << 16;
 
+fn none(what: &str, number: u32) -> Fault {
+    Fault::argument(format!("{what} {number}"))
+}
+
 fn finite(v: Vec3, what: &str) -> Outcome<Vec3> {
-    if v.is_finite() {
-        Ok(v)
-    } else {
-        Err(Fault::argument(format!("{what} {v} is no finite vector")))
-    }
+    ensure!(v.is_finite(), "{what} {v} is no finite vector");
+    Ok(v)
 }
 
 fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
@@ -32,29 +33,23 @@ fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
 }
 
 fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
-    if (low..=high).contains(&value) {
-        Ok(value)
-    } else {
-        Err(Fault::argument(format!("{what} is {value}, expected {low} to {high}")))
-    }
+    let inside = (low..=high).contains(&value);
+    ensure!(inside, "{what} is {value}, expected {low} to {high}");
+    Ok(value)
 }
 
 fn not_negative(c: [f32; 3], what: &str) -> Outcome<Color> {
     let c = finite(c.into(), what)?;
-    if c.min_element() >= 0.0 {
-        Ok(c)
-    } else {
-        Err(Fault::argument(format!("{what} {c} is negative")))
-    }
+    ensure!(c.min_element() >= 0.0, "{what} {c} is negative");
+    Ok(c)
 }
 
 /// The transform of 12 floats, columns x, y, z and translation.
 pub(super) fn transform(floats: &[f32; 12], what: &str) -> Outcome<Affine3A> {
     let m = Affine3A::from_cols_array(floats);
     let determinant = m.matrix3.determinant();
-    if !m.is_finite() || !determinant.is_finite() || determinant == 0.0 {
-        return Err(Fault::argument(format!("{what} is singular, or its numbers are none")));
-    }
+    let sound = m.is_finite() && determinant.is_finite() && determinant != 0.0;
+    ensure!(sound, "{what} is singular or not finite");
     Ok(m)
 }
 
@@ -85,17 +80,14 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
         ("colors", colors.map(|v| v.len()), vertices, "vertices"),
         ("triangle_materials", own.map(|v| v.len()), indices.len(), "triangles"),
     ] {
-        if let Some(n) = count.filter(|n| *n != wanted) {
-            return Err(Fault::argument(format!(
-                "mesh: {what} has {n} elements for {wanted} {things}"
-            )));
-        }
+        let n = count.unwrap_or(wanted);
+        ensure!(n == wanted, "mesh: {what} has {n} elements for {wanted} {things}");
     }
     let positions: Vec<Vec3> = positions.iter().map(Vec3::from).collect();
-    if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
-        return Err(Fault::argument(format!("mesh: position {i} is no finite vector")));
+    for (i, p) in positions.iter().enumerate() {
+        ensure!(p.is_finite(), "mesh: position {i} is no finite vector");
     }
-    // A normal that is none is left to the surface: it is looked up as zero there.
+    // The surface replaces a normal that is zero.
     let normals: Option<Vec<Vec3>> = normals
         .map(|n| n.iter().map(|n| finite_or_zero(Vec3::from(n)).normalize_or_zero()).collect());
     let uv: Option<Vec<Vec2>> =
@@ -106,17 +98,13 @@ pub(super) fn meshes(desc: &lumi_mesh_desc, materials: usize) -> Outcome<Vec<Tri
 
     let mut by_material: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
     for (i, triangle) in indices.iter().enumerate() {
-        if triangle.iter().any(|v| *v as usize >= vertices) {
-            return Err(Fault::argument(format!(
-                "mesh: triangle {i} has a vertex beyond its {vertices}"
-            )));
-        }
+        let inside = triangle.iter().all(|v| (*v as usize) < vertices);
+        ensure!(inside, "mesh: triangle {i} has a vertex beyond its {vertices}");
         let material = own.map_or(desc.material, |m| m.get(i)[0]);
-        if material as usize >= materials {
-            return Err(Fault::argument(format!(
-                "mesh: triangle {i} has material {material}, of which there are {materials}"
-            )));
-        }
+        ensure!(
+            (material as usize) < materials,
+            "mesh: triangle {i} has material {material}, of which there are {materials}"
+        );
         by_material.entry(material).or_default().push(triangle);
     }
     let whole = TriangleMesh {
@@ -234,9 +222,7 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
             LUMI_ALPHA_OPAQUE => AlphaMode::Opaque,
             LUMI_ALPHA_MASK => AlphaMode::Mask(share(desc.alpha_cutoff, "alpha_cutoff")?),
             LUMI_ALPHA_BLEND => AlphaMode::Blend,
-            other => {
-                return Err(Fault::argument(format!("material: there is no alpha_mode {other}")));
-            }
+            other => return Err(none("material: there is no alpha_mode", other)),
         },
         double_sided: desc.flags & LUMI_MATERIAL_DOUBLE_SIDED != 0,
         ior: in_range(desc.ior, 1.0, 100.0, "material: ior")?,
@@ -248,28 +234,22 @@ pub(super) fn material(desc: &lumi_material_desc, textures: usize) -> Outcome<Ma
 
 /// The texture of `desc`.
 pub(super) fn texture(desc: &lumi_texture_desc) -> Outcome<Texture> {
-    if desc.width == 0 || desc.height == 0 || desc.width > MAX_TEXTURE || desc.height > MAX_TEXTURE
-    {
-        return Err(Fault::argument(format!(
-            "texture: {} x {} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible",
-            desc.width, desc.height
-        )));
-    }
+    let (width, height) = (desc.width, desc.height);
+    ensure!(
+        [width, height].iter().all(|n| (1..=MAX_TEXTURE).contains(n)),
+        "texture: {width} x {height} pixels; up to {MAX_TEXTURE} x {MAX_TEXTURE} are possible"
+    );
     let wrap = |mode: u32| match mode {
         LUMI_WRAP_REPEAT => Ok(Wrap::Repeat),
         LUMI_WRAP_MIRROR => Ok(Wrap::Mirror),
         LUMI_WRAP_CLAMP => Ok(Wrap::Clamp),
-        other => Err(Fault::argument(format!("texture: there is no wrapping {other}"))),
+        other => Err(none("texture: there is no wrapping", other)),
     };
     let (wrap_s, wrap_t) = (wrap(desc.wrap_u)?, wrap(desc.wrap_v)?);
-    let pixels = Input::<u8, 4>::required(
-        desc.pixels,
-        desc.width as usize * desc.height as usize,
-        0,
-        "texture: pixels",
-    )?;
+    let count = width as usize * height as usize;
+    let pixels = Input::<u8, 4>::required(desc.pixels, count, 0, "texture: pixels")?;
     let pixels = TexturePixels::Rgba8(pixels.iter().collect());
-    let image = Arc::new(TextureImage { width: desc.width, height: desc.height, pixels });
+    let image = Arc::new(TextureImage { width, height, pixels });
     Ok(Texture { image, wrap_s, wrap_t, nearest: desc.nearest != 0 })
 }
 
@@ -300,7 +280,7 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
         LUMI_LIGHT_DIRECTIONAL => {
             PunctualLight::Directional { direction: direction()?, irradiance: intensity }
         }
-        other => return Err(Fault::argument(format!("light: there is no kind {other}"))),
+        other => return Err(none("light: there is no kind", other)),
     })
 }
 
@@ -316,11 +296,8 @@ pub(super) fn environment(
         return Ok(None);
     }
     let count = width as usize * height as usize;
-    if count == 0 || count > 1 << 28 {
-        return Err(Fault::argument(format!(
-            "an environment of {width} x {height} pixels is not possible"
-        )));
-    }
+    let possible = (1..=1 << 28).contains(&count);
+    ensure!(possible, "an environment of {width} x {height} pixels is not possible");
     let pixels = Input::<f32, 3>::required(rgb, count, 0, "rgb")?;
     let rotation = match Input::<f32, 9>::new(to_map, 1, 0, "to_map")? {
         Some(floats) => Mat3::from_cols_array(&floats.get(0)),
@@ -328,9 +305,7 @@ pub(super) fn environment(
     };
     let error = rotation * rotation.transpose() - Mat3::IDENTITY;
     let error = error.to_cols_array().iter().fold(0.0_f32, |a, x| a.max(x.abs()));
-    if !rotation.is_finite() || error > 1e-3 {
-        return Err(Fault::argument("to_map is no rotation"));
-    }
+    ensure!(rotation.is_finite() && error <= 1e-3, "to_map is no rotation");
     let pixels = pixels.iter().map(Color::from).collect();
     let from_world = Affine3A::from_mat3(rotation);
     Ok(Some(EnvironmentMap { width, height, pixels, scale: 1.0, from_world }))

@@ -3,8 +3,8 @@
 use super::abi::{LUMI_ABI_VERSION, copy_text, lumi_device, lumi_device_s, text};
 use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::status::{
-    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Outcome, Touched, guard, guard_void,
-    lumi_error, lumi_log_fn,
+    Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Outcome, Touched, ensure, guard,
+    guard_void, lumi_error, lumi_log_fn,
 };
 use crate::accel::{Accel, Backend};
 use crate::error::Error;
@@ -16,6 +16,9 @@ use std::path::PathBuf;
 
 /// The environment variable that names the folder of tables where the host names none.
 const TABLES: &str = "LUMICACHE_TABLES";
+/// The environment variable that names the file of Embree, in builds that load it at run time.
+#[cfg(feature = "private-embree")]
+const EMBREE: &str = "LUMICACHE_EMBREE";
 
 /// A device.
 pub(super) struct DeviceObject {
@@ -61,19 +64,20 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
         match key.trim() {
             "threads" => {
                 threads = value.trim().parse().ok().filter(|n| *n <= 4096).ok_or_else(|| {
-                    Fault::argument(format!(
-                        "config: threads={value}: expected a number from 0 (all processors) to 4096"
-                    ))
+                    let expected = "expected a number from 0 (all processors) to 4096";
+                    Fault::argument(format!("config: threads={value}: {expected}"))
                 })?;
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
             "tables" => tables = Some(value.trim().into()),
             _ => {
-                return Err(Fault::argument(format!(
-                    "config: there is no `{key}`; there are threads, backend and tables"
-                )));
+                ensure!(false, "config: there is no `{key}`; there are threads, backend and tables")
             }
         }
+    }
+    #[cfg(feature = "private-embree")]
+    if let Some(path) = std::env::var_os(EMBREE).filter(|path| !path.is_empty()) {
+        crate::ffi::embree::name_library(path);
     }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
@@ -159,8 +163,8 @@ pub unsafe extern "C" fn lumi_device_release(device: lumi_device) {
     guard_void("lumi_device_release", || release::<DeviceObject>(device));
 }
 
-/// Sets who hears of warnings and failures of calls on this device and its scenes and caches; NULL:
-/// nobody.
+/// Sets the callback that hears of warnings and failures of calls on this device, its scenes and
+/// its caches; NULL: none.
 ///
 /// Threads: any; a message under way may still go to the former callback.
 #[unsafe(no_mangle)]
@@ -187,9 +191,7 @@ pub unsafe extern "C" fn lumi_device_get_backend(
 ) -> lumi_error {
     guard("lumi_device_get_backend", || {
         let device = borrow::<DeviceObject>(device)?;
-        if buffer.is_null() || size == 0 {
-            return Err(Fault::argument("there is no room for the text"));
-        }
+        ensure!(!buffer.is_null() && size > 0, "there is no room for the text");
         let size = size.min(device.backend_version.len() + 1);
         // SAFETY: the host passes room for at least `size` bytes, and at least one.
         let room = unsafe {

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::hosted::{Batch, Description, Host};
 use std::ffi::c_void;
+use std::ops::Range;
 
 type Trace = unsafe extern "C" fn(*mut c_void, *mut lumi_ray_batch) -> i32;
 
@@ -24,19 +25,19 @@ unsafe impl Send for Callback {}
 unsafe impl Sync for Callback {}
 
 impl Callback {
-    fn call(&self, batch: Batch<'_>) -> Result<()> {
-        let n = batch.origin.len();
+    fn call(&self, batch: &mut Batch, range: Range<usize>) -> Result<()> {
+        let n = range.len();
         let mut desc = lumi_ray_batch {
             struct_size: size_of::<lumi_ray_batch>() as u32,
             n: n as u32,
-            origin: batch.origin.as_ptr().cast(),
-            dir: batch.dir.as_ptr().cast(),
-            bounce: batch.bounce.as_ptr(),
-            seed: batch.seed.as_ptr(),
-            radiance: batch.radiance.as_mut_ptr().cast(),
-            distance: batch.distance.as_mut_ptr(),
-            normal: batch.normal.as_mut_ptr().cast(),
-            albedo: batch.albedo.as_mut_ptr().cast(),
+            origin: batch.origin[range.clone()].as_ptr().cast(),
+            dir: batch.dir[range.clone()].as_ptr().cast(),
+            bounce: batch.bounce[range.clone()].as_ptr(),
+            seed: batch.seed[range.clone()].as_ptr(),
+            radiance: batch.radiance[range.clone()].as_mut_ptr().cast(),
+            distance: batch.distance[range.clone()].as_mut_ptr(),
+            normal: batch.normal[range.clone()].as_mut_ptr().cast(),
+            albedo: batch.albedo[range].as_mut_ptr().cast(),
         };
         // SAFETY: the arrays have n elements and live during the call; the host has promised to
         // fill no more than that. A failing host unwinds no further than this `extern "C"`
@@ -70,5 +71,5 @@ pub(super) fn host_of(desc: &lumi_host_desc) -> Outcome<Host> {
         max_batch: or(desc.max_batch, u32::MAX as usize),
     };
     let callback = Callback { trace, user: desc.user };
-    Ok(Host::new(description, move |batch| callback.call(batch))?)
+    Ok(Host::new(description, move |batch, range| callback.call(batch, range))?)
 }

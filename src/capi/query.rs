@@ -6,21 +6,21 @@ use super::abi::{
 };
 use super::cache::CacheObject;
 use super::handles::borrow;
-use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, guard, lumi_error};
-use crate::cache::{Answer, LevelPoints, Snapshot};
+use super::status::{Fault, LUMI_ERROR_UNSUPPORTED, Outcome, ensure, guard, lumi_error};
+use crate::cache::{Answer, Snapshot, scattered};
 use crate::geometry::SurfacePoint;
 use crate::hosted::surface_point;
 use crate::math::{Color, Vec3};
 use crate::progress::Progress;
-use crate::sampling::hash;
-use crate::transport::{Known, PathTracer};
+use crate::sampling::{hash, stream};
+use crate::transport::PathTracer;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Paths per point for glossy light where the host gives no number.
 const GLOSSY_SAMPLES: u32 = 16;
-/// Points between two looks at the current snapshot.
+/// Points that are looked up in one snapshot.
 const CHUNK: usize = 4096;
 
 /// The points of a query in the host's memory.
@@ -75,7 +75,7 @@ impl Points {
         ))
     }
 
-    /// True if the host says from where they are looked at.
+    /// True if the host gives directions to the viewer.
     pub fn have_wo(&self) -> bool {
         self.wo.is_some()
     }
@@ -117,6 +117,7 @@ impl Answers {
 fn look_up(snapshot: &Snapshot, at: &SurfacePoint) -> Option<Answer> {
     if snapshot.cache().level_count() == 0 {
         return Some(Answer {
+            glossy: Color::ZERO,
             irradiance: Color::ZERO,
             direct: None,
             error: 0.0,
@@ -181,7 +182,7 @@ impl CacheObject {
     fn fill(&self, points: Vec<SurfacePoint>) -> Outcome {
         let started = Instant::now();
         let (seed, progress) = (self.settings().seed, Progress::default());
-        let points = LevelPoints::scattered(points, seed).points;
+        let points = scattered(&points, seed);
         let stats = self.run(&progress, false, |exchange| {
             self.with_probe(exchange, &progress, |probe| {
                 self.live.fill(probe, points, seed, &progress)
@@ -193,25 +194,22 @@ impl CacheObject {
     }
 
     /// Indirect light that the glossy lobes of our own surfaces reflect: from radiance records
-    /// where those serve them, else by paths.
+    /// where lobes are cached, else by paths.
     fn glossy(&self, q: &lumi_query, points: &Points, radiance: &mut Output<f32, 3>) -> Outcome {
         let scene = self.scene.own().map_err(|f| {
             Fault::new(LUMI_ERROR_UNSUPPORTED, format!("glossy radiance: {}", f.message))
         })?;
-        if points.wo.is_none() {
-            return Err(Fault::argument("glossy radiance needs wo"));
-        }
+        ensure!(points.wo.is_some(), "glossy radiance needs wo");
         let settings = self.settings();
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let samples = if q.glossy_samples == 0 { GLOSSY_SAMPLES } else { q.glossy_samples };
-        let (snapshot, gloss, n) = (self.live.snapshot(), self.gloss.load_full(), q.n);
-        let gloss = gloss.as_ref().map(|g| g.shading(&settings.scheme));
-        let known = Known { irradiance: snapshot.cache(), gloss };
+        let (snapshot, lobes, n) = (self.live.snapshot(), self.lobes.load_full(), q.n);
+        let lobes = lobes.as_ref().map(|l| l.choice(&settings.scheme));
         let found: Vec<Color> = self.scene.device.pool.install(|| {
             let one = |i: usize| {
                 let at = points.get(i)?;
-                let seed = hash(&[settings.seed, 3, i as u64]);
-                tracer.glossy_indirect(&at, samples, seed, known)
+                let seed = hash(&[settings.seed, stream::GLOSSY_QUERY, i as u64]);
+                tracer.glossy_indirect(&at, samples, seed, snapshot.cache(), lobes)
             };
             (0..n).into_par_iter().map(|i| one(i).unwrap_or(Vec3::ZERO)).collect()
         });
@@ -220,10 +218,10 @@ impl CacheObject {
     }
 }
 
-/// Answers for many points. Without LUMI_QUERY_FILL it never waits for another thread, and its
-/// answers depend on the records alone. With it, points that no record answers get one; which
-/// records those are depends on what other threads fill at the same time. A failing or stopping
-/// host leaves the answers that there were.
+/// Looks up many shading points. Without LUMI_QUERY_FILL, the call waits for no other thread, and
+/// the answers depend on the records alone. With LUMI_QUERY_FILL, the call makes records where no
+/// record is valid; these records depend on what other threads fill at the same time. When a host
+/// fails, the answers before the fill stay.
 ///
 /// Threads: any. Lookups run on the calling thread; fills on the device's threads.
 #[unsafe(no_mangle)]

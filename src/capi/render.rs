@@ -7,7 +7,7 @@ use super::abi::{
 use super::cache::CacheObject;
 use super::describe;
 use super::handles::borrow;
-use super::status::{Fault, Outcome, guard, lumi_error};
+use super::status::{Fault, Outcome, ensure, guard, lumi_error};
 use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
@@ -22,20 +22,13 @@ fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
     let projection = if desc.flags & LUMI_RENDER_ORTHOGRAPHIC != 0 {
         let aspect =
             if desc.aspect == 0.0 { desc.width as f32 / desc.height as f32 } else { desc.aspect };
-        if !(positive && aspect.is_finite() && aspect > 0.0) {
-            return Err(Fault::argument(
-                "render: the size of the orthographic camera is not positive",
-            ));
-        }
+        let sound = positive && aspect.is_finite() && aspect > 0.0;
+        ensure!(sound, "render: the size of the orthographic camera is not positive");
         Projection::Orthographic { xmag: desc.yfov * aspect, ymag: desc.yfov }
     } else {
-        if !(positive && desc.yfov < std::f32::consts::PI) {
-            return Err(Fault::argument(format!(
-                "render: yfov is {}, expected a positive angle below pi",
-                desc.yfov
-            )));
-        }
-        Projection::Perspective { yfov: desc.yfov }
+        let (yfov, sound) = (desc.yfov, positive && desc.yfov < std::f32::consts::PI);
+        ensure!(sound, "render: yfov is {yfov}, expected a positive angle below pi");
+        Projection::Perspective { yfov }
     };
     let to_world = describe::transform(&desc.camera, "render: camera")?;
     Ok(Camera { name: "host".into(), projection, aspect: None, to_world })
@@ -47,9 +40,8 @@ fn wanted(
     count: usize,
     samples: usize,
 ) -> Outcome<Vec<(&'static Layer, Output<f32, 1>)>> {
-    if count > MOST_LAYERS || (layers.is_null() && count > 0) {
-        return Err(Fault::argument(format!("render: {count} layers at {layers:?}")));
-    }
+    let possible = count <= MOST_LAYERS && (!layers.is_null() || count == 0);
+    ensure!(possible, "render: {count} layers at {layers:?}");
     let one = |i: usize| {
         // SAFETY: the host passes `count` layers, and i is below that.
         let wanted = unsafe { layers.add(i).read_unaligned() };
@@ -59,15 +51,12 @@ fn wanted(
             .find(|l| l.name == name)
             .ok_or_else(|| Fault::argument(format!("render: there is no layer `{name}`")))?;
         let (channels, given) = (layer.channels.len(), wanted.channels);
-        if channels != given as usize {
-            let text = format!("render: the layer `{name}` has {channels} channels, not {given}");
-            return Err(Fault::argument(text));
-        }
+        ensure!(
+            channels == given as usize,
+            "render: the layer `{name}` has {channels} channels, not {given}"
+        );
         let room = Output::new(wanted.data, samples * channels, 0, "the room of a layer")?;
-        if !room.is_wanted() {
-            let text = format!("render: the room of the layer `{name}` is NULL");
-            return Err(Fault::argument(text));
-        }
+        ensure!(room.is_wanted(), "render: the room of the layer `{name}` is NULL");
         Ok((layer, room))
     };
     (0..count).map(one).collect()
@@ -76,12 +65,10 @@ fn wanted(
 impl CacheObject {
     fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
         only(LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC, desc.flags, "render")?;
-        let possible = 1..=1 << 16;
-        if !possible.contains(&desc.width) || !possible.contains(&desc.height) {
-            let text = format!("render: {} x {} pixels are not possible", desc.width, desc.height);
-            return Err(Fault::argument(text));
-        }
-        let mut layers = wanted(layers, count, desc.width as usize * desc.height as usize)?;
+        let (width, height) = (desc.width, desc.height);
+        let possible = [width, height].iter().all(|n| (1..=1 << 16).contains(n));
+        ensure!(possible, "render: {width} x {height} pixels are not possible");
+        let mut layers = wanted(layers, count, width as usize * height as usize)?;
         let (scene, made_by) = (self.scene.own()?, self.settings());
         let _alone = self.change()?;
         let integrator = if desc.flags & LUMI_RENDER_PATH != 0 {
@@ -91,20 +78,23 @@ impl CacheObject {
         };
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
-        let before = match self.gloss.load_full() {
-            Some(gloss) => Caches::of(before, Some(gloss)),
+        let before = match self.lobes.load_full() {
+            Some(lobes) => Caches::with(before, Some(lobes)),
             None => Caches::new(scene, &made_by.scheme, made_by.max_bounces, Some(before)),
         };
-        let job = Job::new(scene)
+        let mut job = Job::new(scene)
             .scheme(made_by.scheme)
+            .quality(made_by.quality)
             .integrator(integrator)
             .camera(camera(desc)?)
             .size(desc.width, desc.height)
-            .spp(if desc.samples == 0 { 16 } else { desc.samples })
             .max_bounces(made_by.max_bounces)
             .seed(made_by.seed)
             .caches(before)
             .progress(&progress);
+        if desc.samples > 0 {
+            job = job.spp(desc.samples);
+        }
         let frame = self.run(&progress, true, |_| job.run())??.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
@@ -117,17 +107,17 @@ impl CacheObject {
         if frame.cancelled {
             return Err(Error::Cancelled.into());
         }
-        if let Some(cache) = frame.cache.filter(|_| !snapshot.is_frozen()) {
-            self.put(cache, frame.gloss);
+        if let Some(caches) = frame.caches.filter(|_| !snapshot.is_frozen()) {
+            self.put(caches.cache, caches.lobes);
         }
         Ok(())
     }
 }
 
-/// Renders a picture of a scene of our own as the command line does: indirect light of diffuse
-/// surfaces, and of glossy ones that the preset serves by records, from the cache, which is filled
-/// where the camera needs it; everything else by paths. The records are kept, unless the cache is
-/// frozen. Cancelled, the layers hold the samples so far.
+/// Renders a picture of a scene that the library keeps, as the command line does. The cache is
+/// filled where the camera needs records. Indirect light of diffuse surfaces, and of glossy lobes
+/// that the preset caches, is interpolated from the records; all other light is traced. The records
+/// are kept, unless the cache is frozen. When cancelled, the layers hold the samples so far.
 ///
 /// `layers`: `count` layers with room for their samples.
 ///

@@ -9,7 +9,7 @@ use super::describe;
 use super::device::DeviceObject;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::host::host_of;
-use super::status::{Fault, Outcome, Touched, guard, guard_void, lock, lumi_error};
+use super::status::{Fault, Outcome, Touched, ensure, guard, guard_void, lock, lumi_error, state};
 use crate::accel::Ray;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::hosted::Host;
@@ -20,15 +20,15 @@ use std::collections::BTreeMap;
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
-/// What rays see once a scene is committed.
-pub(super) enum World {
+/// Who keeps a committed scene.
+pub(super) enum SceneKind {
     Own(Box<Scene>),
     Host(Host),
 }
 
 /// A committed scene.
 pub(super) struct Committed {
-    pub world: World,
+    pub kind: SceneKind,
     /// Hashes of its parts, for cache files.
     pub hashes: BTreeMap<String, String>,
     /// All of them in one, hexadecimal.
@@ -39,17 +39,17 @@ pub(super) struct Committed {
 impl Committed {
     /// Length of the diagonal.
     pub fn size(&self) -> f32 {
-        match &self.world {
-            World::Own(scene) => scene.size(),
-            World::Host(host) => host.bounds.diagonal(),
+        match &self.kind {
+            SceneKind::Own(scene) => scene.size(),
+            SceneKind::Host(host) => host.bounds.diagonal(),
         }
     }
 
     /// The host, if it keeps the scene.
     pub fn host(&self) -> Option<&Host> {
-        match &self.world {
-            World::Own(_) => None,
-            World::Host(host) => Some(host),
+        match &self.kind {
+            SceneKind::Own(_) => None,
+            SceneKind::Host(host) => Some(host),
         }
     }
 }
@@ -109,9 +109,9 @@ impl SceneObject {
 
     /// The scene, if it is our own.
     pub fn own(&self) -> Outcome<&Scene> {
-        match &self.committed()?.world {
-            World::Own(scene) => Ok(scene),
-            World::Host(_) => Err(Fault::operation(
+        match &self.committed()?.kind {
+            SceneKind::Own(scene) => Ok(scene),
+            SceneKind::Host(_) => Err(Fault::operation(
                 "the host keeps this scene: the library cannot trace it by itself",
             )),
         }
@@ -120,25 +120,21 @@ impl SceneObject {
     /// The draft of a scene of our own.
     fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
         let draft = lock(&self.draft);
-        if self.committed.get().is_some() {
-            return Err(Fault::operation("the scene is committed: it cannot change any more"));
-        }
-        if draft.host.is_some() {
-            return Err(Fault::operation("the host keeps this scene: nothing can be added to it"));
-        }
+        let open = self.committed.get().is_none();
+        state(open, "the scene is committed: it cannot change any more")?;
+        let ours = draft.host.is_none();
+        state(ours, "the host keeps this scene: nothing can be added to it")?;
         Ok(draft)
     }
 
     fn commit(&self) -> Outcome {
         let mut draft = lock(&self.draft);
-        if self.committed.get().is_some() {
-            return Err(Fault::operation("the scene is committed already"));
-        }
+        state(self.committed.get().is_none(), "the scene is committed already")?;
         let committed = match draft.host.take() {
             Some(host) => {
                 let hash = format!("{:016x}", host.scene_hash);
                 let hashes = BTreeMap::from([("scene of the host".to_owned(), hash.clone())]);
-                Committed { bounds: host.bounds, world: World::Host(host), hashes, hash }
+                Committed { bounds: host.bounds, kind: SceneKind::Host(host), hashes, hash }
             }
             None => {
                 let draft: &mut Draft = &mut draft;
@@ -152,7 +148,7 @@ impl SceneObject {
     }
 }
 
-/// The world of a draft; the draft stays usable if that fails.
+/// The committed scene of a draft; the draft stays usable if that fails.
 fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     let mut data = draft.data.clone();
     // Meshes of a file come first and are placed already.
@@ -176,11 +172,11 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
     let (hashes, hash) = (scene.hashes().clone(), scene.hash());
     warnings.iter().for_each(|w| device.warn(w));
     let scene = scene.with_tables(device.tables.clone());
-    Ok(Committed { bounds: scene.bounds(), world: World::Own(Box::new(scene)), hashes, hash })
+    Ok(Committed { bounds: scene.bounds(), kind: SceneKind::Own(Box::new(scene)), hashes, hash })
 }
 
-/// Makes an empty scene; the caller owns a reference to it. Describe it or read it from a file,
-/// then commit it.
+/// Makes an empty scene; the caller owns a reference to it. Describe the scene or read it from a
+/// file, then commit it.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -222,11 +218,7 @@ pub unsafe extern "C" fn lumi_scene_load_gltf(
     guard("lumi_scene_load_gltf", || {
         let (scene, file) = (borrow::<SceneObject>(scene)?, path(file)?);
         let mut draft = scene.draft()?;
-        if !draft.is_bare() {
-            return Err(Fault::operation(
-                "the scene is not empty: read the file before anything else",
-            ));
-        }
+        state(draft.is_bare(), "the scene is not empty: read the file before anything else")?;
         let device = &scene.device;
         let read = || import::gltf(file, &ImportOptions::default());
         let mut data = device.pool.install(read)?;
@@ -291,9 +283,7 @@ pub unsafe extern "C" fn lumi_scene_add_instance(
     guard("lumi_scene_add_instance", || {
         change(scene, |draft| {
             let count = draft.meshes.len();
-            if mesh as usize >= count {
-                return Err(Fault::argument(format!("there is no mesh {mesh}: there are {count}")));
-            }
+            ensure!((mesh as usize) < count, "there is no mesh {mesh}: there are {count}");
             let to_world = match Input::<f32, 12>::new(to_world, 1, 0, "to_world")? {
                 Some(floats) => describe::transform(&floats.get(0), "to_world")?,
                 None => Affine3A::IDENTITY,
@@ -313,9 +303,7 @@ pub unsafe extern "C" fn lumi_scene_add_instance(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_material_init(material: *mut lumi_material_desc) -> lumi_error {
     guard("lumi_material_init", || {
-        if material.is_null() {
-            return Err(Fault::argument("the material is NULL"));
-        }
+        ensure!(!material.is_null(), "the material is NULL");
         // SAFETY: not NULL; the caller passes room for the first version of the struct, which is
         // what is written.
         unsafe { material.write_unaligned(describe::default_material()) };
@@ -378,12 +366,12 @@ pub unsafe extern "C" fn lumi_scene_add_light(
     })
 }
 
-/// Sets the light from infinity, an equirectangular map; a map of one pixel is the same from
-/// everywhere.
+/// Sets the light from infinity, an equirectangular map. A map of one pixel is a uniform
+/// environment.
 ///
 /// `rgb`: 3 * width * height floats, row by row from the zenith (+y); copied. NaN and negative
 /// values count as 0. NULL: no environment. `to_map`: 9 floats, the columns of the rotation from
-/// the world to the map; NULL: none, and the middle column of the map is seen along +x, +z to its
+/// the world to the map; NULL: none; the middle column of the map lies along +x then, and +z to its
 /// right.
 ///
 /// Threads: one per scene.
@@ -403,7 +391,7 @@ pub unsafe extern "C" fn lumi_scene_set_environment(
     })
 }
 
-/// Says that the host keeps geometry and shading; the scene must be empty and stays so.
+/// Says that the host keeps geometry and shading. The scene must be empty and stays empty.
 ///
 /// Threads: one per scene. `host->user` must stay valid until the last cache of the scene is
 /// released.
@@ -414,20 +402,17 @@ pub unsafe extern "C" fn lumi_scene_set_host(
 ) -> lumi_error {
     guard("lumi_scene_set_host", || {
         change(scene, |draft| {
-            let lit = !draft.data.punctual.is_empty() || draft.data.environment.is_some();
-            if lit || !draft.is_bare() {
-                return Err(Fault::operation(
-                    "the scene has geometry, materials or lights: it is not the host's",
-                ));
-            }
+            let dark = draft.data.punctual.is_empty() && draft.data.environment.is_none();
+            let empty = dark && draft.is_bare();
+            state(empty, "the scene has geometry, materials or lights: it is not the host's")?;
             draft.host = Some(host_of(&read(host, "the host")?)?);
             Ok(())
         })
     })
 }
 
-/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure it is as
-/// before. A scene without any light gets a neutral dome, and the log says so.
+/// Makes the scene ready for rays and caches; it cannot change afterwards. After a failure the
+/// scene is as before. A scene without any light gets a neutral dome, and the log says so.
 ///
 /// Threads: one per scene; the work is done on the device's threads.
 #[unsafe(no_mangle)]
@@ -452,11 +437,11 @@ pub unsafe extern "C" fn lumi_scene_get_info(
     guard("lumi_scene_get_info", || {
         let scene = borrow::<SceneObject>(scene)?;
         let committed = scene.committed()?;
-        let (triangles, cameras, backend) = match &committed.world {
-            World::Own(s) => {
+        let (triangles, cameras, backend) = match &committed.kind {
+            SceneKind::Own(s) => {
                 (s.geometry().triangle_count(), s.cameras().len(), s.accel().version())
             }
-            World::Host(_) => (0, 0, "host".to_owned()),
+            SceneKind::Host(_) => (0, 0, "host".to_owned()),
         };
         let value = lumi_scene_info {
             struct_size: 0,
@@ -472,7 +457,7 @@ pub unsafe extern "C" fn lumi_scene_get_info(
     })
 }
 
-/// Traces rays into a scene of our own and says what they hit first.
+/// Traces rays into a scene that the library keeps, and gives their first hits.
 ///
 /// Threads: any; the work is done on the calling thread.
 #[unsafe(no_mangle)]

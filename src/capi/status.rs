@@ -15,14 +15,13 @@ pub type lumi_error = i32;
 pub const LUMI_OK: lumi_error = 0;
 /// Something outside the library failed: threads, the ray tracer.
 pub const LUMI_ERROR_UNKNOWN: lumi_error = 1;
-/// An argument is outside its range: NULL, a released handle or one of another kind, a number that
-/// is none.
+/// An argument is outside its range: NULL, a released handle, a handle of another kind, NaN.
 pub const LUMI_ERROR_INVALID_ARGUMENT: lumi_error = 2;
-/// The object is not in a state in which this can be done.
+/// The state of the object does not allow the call.
 pub const LUMI_ERROR_INVALID_OPERATION: lumi_error = 3;
 /// Memory, or room for objects, ran out.
 pub const LUMI_ERROR_OUT_OF_MEMORY: lumi_error = 4;
-/// This version of the library cannot do it.
+/// This version of the library cannot do what was asked.
 pub const LUMI_ERROR_UNSUPPORTED: lumi_error = 5;
 /// The progress callback asked to stop.
 pub const LUMI_ERROR_CANCELLED: lumi_error = 6;
@@ -32,12 +31,11 @@ pub const LUMI_ERROR_IO: lumi_error = 7;
 pub const LUMI_ERROR_CORRUPT_FILE: lumi_error = 8;
 /// A cache file is sound, but was made for another scene or under other settings.
 pub const LUMI_ERROR_STALE_CACHE: lumi_error = 9;
-/// The versions of header and library do not go together, or a struct is shorter than the first
-/// version of it.
+/// The versions of header and library do not match, or a struct is shorter than its first version.
 pub const LUMI_ERROR_VERSION: lumi_error = 10;
-/// The host's callback failed or answered what cannot be.
+/// The host's callback failed or gave an impossible answer.
 pub const LUMI_ERROR_HOST_CALLBACK: lumi_error = 11;
-/// A fault of the library. The object that was worked on can only be released.
+/// A fault of the library. The objects of the call can only be released.
 pub const LUMI_ERROR_INTERNAL: lumi_error = 12;
 
 /// Severity of a log message: for information.
@@ -47,7 +45,7 @@ pub const LUMI_LOG_WARNING: i32 = 1;
 /// Severity of a log message: a function has failed.
 pub const LUMI_LOG_ERROR: i32 = 2;
 
-/// Takes messages. Called on the thread whose call is reported; it must not call the library for
+/// Takes messages, on the thread whose call is reported. The callback must not call the library for
 /// that device.
 pub type lumi_log_fn = Option<
     unsafe extern "C" fn(
@@ -80,6 +78,21 @@ impl Fault {
     pub fn operation(message: impl Into<String>) -> Self {
         Self::new(LUMI_ERROR_INVALID_OPERATION, message)
     }
+}
+
+/// Ends the call with an invalid argument unless the condition holds.
+macro_rules! ensure {
+    ($condition:expr, $($text:tt)*) => {
+        if !$condition {
+            return Err($crate::capi::status::Fault::argument(format!($($text)*)));
+        }
+    };
+}
+pub(super) use ensure;
+
+/// Fails with an invalid operation unless the state of an object `allows` the call.
+pub(super) fn state(allows: bool, otherwise: &str) -> Outcome {
+    if allows { Ok(()) } else { Err(Fault::operation(otherwise)) }
 }
 
 impl From<Error> for Fault {
@@ -210,13 +223,13 @@ pub(super) fn guard_void(name: &'static str, inside: impl FnOnce() -> Outcome) {
     guard(name, inside);
 }
 
-/// The code of the first failed call on this thread since the last call of this function, LUMI_OK
-/// without one; then it is forgotten.
+/// The code of the first failed call on this thread since the last call of this function; LUMI_OK
+/// without a failure. The library forgets the failure then.
 ///
 /// `message`: receives a text that says what failed and why, "" without a failure; it lives until
 /// the thread calls this function again or ends. May be NULL.
 ///
-/// Threads: any. Every thread has errors of its own.
+/// Threads: any. Every thread has its own errors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_get_last_error(message: *mut *const c_char) -> lumi_error {
     let mut code = LUMI_OK;

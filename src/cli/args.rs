@@ -17,11 +17,20 @@ pub struct Arguments {
 pub enum Command {
     /// Render a scene.
     Render(Box<Render>),
-    /// List the caching schemes and their settings.
+    /// List the caching schemes, or show one of them as TOML.
     Presets {
+        /// The scheme to show: what differs from its base.
+        #[arg(value_name = "NAME|FILE.toml")]
+        name: Option<String>,
+        /// Show all its settings.
+        #[arg(long, requires = "name")]
+        all: bool,
         /// As JSON.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "name")]
         json: bool,
+        /// Describe all settings (Markdown).
+        #[arg(long, hide = true, conflicts_with_all = ["name", "json"])]
+        settings: bool,
     },
     /// Measure how far an image is from a reference.
     Compare(Compare),
@@ -126,7 +135,7 @@ pub struct Report {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Names of presets, separated by commas; settings of one preset follow it behind colons, as
-    /// in `ward-heckbert92:gradient_clamp=false:min_pixels=0`.
+    /// in `ward-heckbert92:clamping=none:radius.min_pixels=0`.
     #[arg(long, value_name = "LIST", default_value = "ward-heckbert92,krivanek06,auto")]
     pub presets: String,
     /// A setting of all of them; may be given several times.
@@ -215,12 +224,13 @@ pub struct Render {
     #[arg(long, value_enum, default_value = "cache")]
     pub integrator: IntegratorName,
     /// Caching scheme: see `lumicache presets`.
-    #[arg(long, value_name = "NAME", default_value = "auto")]
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "auto")]
     pub preset: String,
     /// One number for everything: 1 is the default, 2 costs about twice as much, 0.5 half as much.
     #[arg(long, value_name = "Q", default_value_t = 1.0)]
     pub quality: f32,
-    /// Set one field of the scheme; may be repeated.
+    /// Set one setting of the scheme, such as gather.rays=512; may be repeated, all are checked
+    /// together.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Image size; by default 720 rows of the camera's aspect, 1280x720 where it has none.

@@ -2,7 +2,7 @@
 
 use super::args::{CacheCommand, CacheMerge, DumpFormat};
 use super::terminal::{print, print_line};
-use lumicache::cache::{CacheFile, Record};
+use lumicache::cache::{CacheFile, Irradiance, Record};
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;
 use serde_json::{Value, json};
@@ -60,12 +60,12 @@ fn merge(arguments: &CacheMerge) -> Result<()> {
 }
 
 /// The record as JSON, its fields in the order of the table.
-fn row(level: usize, r: &Record) -> Value {
+fn row(level: usize, r: &Record<Irradiance>) -> Value {
     json!({
         "level": level,
         "position": r.position.to_array(),
         "normal": r.normal.to_array(),
-        "irradiance": r.irradiance.to_array(),
+        "irradiance": r.payload.irradiance.to_array(),
         "length": r.length_unclamped,
         "footprint": r.footprint,
         "sigma": r.sigma,
@@ -89,7 +89,7 @@ fn dump(path: &Path, format: DumpFormat) -> Result<()> {
         DumpFormat::Csv => {
             let mut text = "level,x,y,z,nx,ny,nz,r,g,b,length,footprint,sigma,fences\n".to_owned();
             for (level, r) in records() {
-                let vectors: Vec<f32> = [r.position, r.normal, r.irradiance]
+                let vectors: Vec<f32> = [r.position, r.normal, r.payload.irradiance]
                     .iter()
                     .flat_map(|v| v.to_array())
                     .collect();
@@ -111,8 +111,8 @@ fn dump(path: &Path, format: DumpFormat) -> Result<()> {
 }
 
 /// Colours are irradiances over the largest one, through a square root.
-fn ply<'a>(records: impl Iterator<Item = &'a Record> + Clone, count: usize) -> String {
-    let largest = records.clone().map(|r| r.irradiance.max_element()).fold(1e-30, f32::max);
+fn ply<'a>(records: impl Iterator<Item = &'a Record<Irradiance>> + Clone, count: usize) -> String {
+    let largest = records.clone().map(|r| r.payload.irradiance.max_element()).fold(1e-30, f32::max);
     let mut text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
     for name in ["x", "y", "z", "nx", "ny", "nz"] {
         text += &format!("property float {name}\n");
@@ -120,8 +120,11 @@ fn ply<'a>(records: impl Iterator<Item = &'a Record> + Clone, count: usize) -> S
     text += "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float length\nend_header\n";
     for r in records {
         let (p, n) = (r.position, r.normal);
-        let [red, green, blue] =
-            r.irradiance.to_array().map(|c| (255.0 * (c / largest).max(0.0).sqrt()).round() as u8);
+        let [red, green, blue] = r
+            .payload
+            .irradiance
+            .to_array()
+            .map(|c| (255.0 * (c / largest).max(0.0).sqrt()).round() as u8);
         text += &format!(
             "{} {} {} {} {} {} {red} {green} {blue} {}\n",
             p.x, p.y, p.z, n.x, n.y, n.z, r.length_unclamped

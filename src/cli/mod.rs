@@ -14,6 +14,7 @@ mod show;
 
 use args::{Arguments, Command};
 use clap::Parser;
+use lumicache::cache::settings_page;
 use lumicache::error::{Error, Result};
 use std::process::ExitCode;
 
@@ -33,7 +34,8 @@ fn run(command: Command) -> Result<()> {
     match command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
-        Command::Presets { json } => show::presets(json),
+        Command::Presets { settings: true, .. } => terminal::print(settings_page().as_bytes()),
+        Command::Presets { name, all, json, .. } => show::presets(name.as_deref(), all, json),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Info { scene } => info::run(&scene),
         Command::Cache { what } => cache::run(&what),

@@ -285,25 +285,36 @@ fn default_output(scene: &Path) -> PathBuf {
 }
 
 fn scheme(arguments: &Render) -> Result<Scheme> {
-    let mut scheme = Preset::by_name(&arguments.preset)?.scheme();
+    let mut scheme = preset(&arguments.preset)?.scheme();
     if !(arguments.quality.is_finite() && (0.01..=100.0).contains(&arguments.quality)) {
         return Err(Error::InvalidArgument("--quality must be between 0.01 and 100".into()));
     }
     scheme.scale_quality(arguments.quality);
-    if let Some(rays) = arguments.rays {
-        scheme.set("rays", &rays.to_string())?;
-    }
-    if let Some(error) = arguments.error {
-        scheme.set("error", &error.to_string())?;
-    }
-    for setting in &arguments.set {
-        let (key, value) = setting.split_once('=').ok_or_else(|| {
-            Error::InvalidArgument(format!("--set {setting}: expected KEY=VALUE"))
-        })?;
-        scheme.set(key.trim(), value.trim())?;
-    }
-    scheme.check()?;
+    let flags = [
+        ("gather.rays", arguments.rays.map(|n| n.to_string())),
+        ("validity.error", arguments.error.map(|e| e.to_string())),
+    ];
+    let flags = flags.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));
+    let set: Vec<_> = arguments.set.iter().map(|text| pair(text)).collect::<Result<_>>()?;
+    scheme.set_all(flags.chain(set))?;
     Ok(scheme)
+}
+
+/// The preset with this name, or of this file if it ends in `.toml`.
+pub fn preset(name: &str) -> Result<Preset> {
+    if name.ends_with(".toml") {
+        Preset::from_file(Path::new(name))
+    } else {
+        Preset::by_name(name).cloned()
+    }
+}
+
+/// The setting and its value that `--set` gives.
+pub fn pair(text: &str) -> Result<(String, String)> {
+    let (key, value) = text
+        .split_once('=')
+        .ok_or_else(|| Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE")))?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
 
 fn parse_window(text: &str) -> Result<[u32; 4]> {

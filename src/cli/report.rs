@@ -1,6 +1,7 @@
 //! `lumicache report`.
 
 use super::args::Report;
+use super::render::pair;
 use super::tables::tables;
 use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
 use lumicache::accel::Backend;
@@ -56,11 +57,7 @@ fn compare(
 fn plan(arguments: &Report) -> Result<Plan> {
     let list = |text: &str| text.split(',').map(|s| s.trim().to_owned()).collect::<Vec<_>>();
     let presets = list(&arguments.presets);
-    let pair = |text: &String| match text.split_once('=') {
-        Some((key, value)) => Ok((key.trim().to_owned(), value.trim().to_owned())),
-        None => Err(Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE"))),
-    };
-    let settings = arguments.set.iter().map(pair).collect::<Result<Vec<_>>>()?;
+    let settings = arguments.set.iter().map(|text| pair(text)).collect::<Result<Vec<_>>>()?;
     presets.iter().try_for_each(|text| variant(text, &settings).map(|_| ()))?;
     let records: Option<Vec<usize>> =
         list(&arguments.records).iter().map(|n| n.parse().ok().filter(|n| *n > 0)).collect();

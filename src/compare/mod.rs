@@ -10,8 +10,7 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Keeps relative errors of dark pixels finite: relMSE's and MAPE's denominators are increased by
-/// it.
+/// Added to the denominators of relMSE and MAPE, which keeps relative errors of dark pixels finite.
 const EPSILON: f64 = 0.01;
 
 /// What to compare.

@@ -1,7 +1,7 @@
 //! The film: pixels while they are rendered, and the picture that they become.
 
-mod layers;
 mod pixel;
+mod layers;
 
 pub use layers::{LAYERS, Layer};
 pub use pixel::Pixel;

@@ -7,6 +7,7 @@
 //! surface point: z is the shading normal.
 
 mod strata;
+mod lobe;
 mod probe;
 mod samples;
 mod distances;
@@ -20,6 +21,7 @@ mod sources;
 pub use harmonics::{Coefficients, RadianceDerivatives, RadianceGradient};
 pub use hits::StoredHit;
 pub use irradiance::Gradient;
+pub use lobe::LobeCoefficients;
 pub use mesh::{Derivatives, Hessian, TriangleRadiance};
 pub use probe::{
     Arrival, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice, NoDeeper,

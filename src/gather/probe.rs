@@ -1,5 +1,6 @@
 //! What a gather asks of a scene: the bundle of rays, and who answers it.
 
+use super::lobe::LobeCoefficients;
 use super::strata::Density;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
@@ -142,6 +143,22 @@ pub trait Deeper: Sync {
     /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path;
     /// `None` where no record is valid.
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
+
+    /// True if [`Deeper::radiance`] may know something.
+    fn has_radiance(&self) -> bool {
+        false
+    }
+
+    /// Irradiance of indirect light at such a point, and the radiance that leaves towards `at.wo`
+    /// by the glossy lobe `lobe`; `None` where no record is valid.
+    fn radiance(
+        &self,
+        _level: u8,
+        _at: &SurfacePoint,
+        _lobe: &mut LobeCoefficients,
+    ) -> Option<(Color, Color)> {
+        None
+    }
 }
 
 /// No deeper cache.

@@ -3,22 +3,21 @@
 use super::irradiance::Gradient;
 use super::mesh::TriangleRadiance;
 use super::samples::HemisphereSamples;
-use serde::{Deserialize, Serialize};
+use crate::words::words;
 
-/// The published estimators of the translational gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TranslationalGradient {
-    /// None: records are extrapolated by their value.
-    None,
-    /// Moving cell boundaries [WardHeckbert92]; sees silhouettes. Polar layout only.
-    WardHeckbert,
-    /// Each sample a patch that keeps its radiance [Krivanek05, Eq. 10-11]; any layout and density,
-    /// but blind to occlusion changes.
-    PerSample,
-    /// A mesh over the hits, [`HemisphereSamples::triangulated`]; sees silhouettes. Concentric
-    /// layout only, any density.
-    Triangulated,
+words! {
+    /// The published estimators of the translational gradient.
+    pub enum TranslationalGradient {
+        /// Not at all.
+        None = "none",
+        /// By moving cell boundaries [WardHeckbert92]; sees silhouettes. Strata `polar` only.
+        WardHeckbert = "ward-heckbert",
+        /// By patches, one for each sample, that keep their radiance [Krivanek05, Eq. 10-11]; any
+        /// strata, but blind to occlusion.
+        PerSample = "per-sample",
+        /// By a mesh over the hits; sees silhouettes. Strata `concentric` only.
+        Triangulated = "triangulated",
+    }
 }
 
 impl HemisphereSamples {

@@ -90,23 +90,3 @@ impl<T: fmt::Debug> fmt::Debug for Buffer<T> {
         (**self).fmt(f)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_lent_is_read_in_place_and_copied_to_be_changed() {
-        let owner = Arc::new(vec![1, 2, 3]);
-        let mut buffer = Buffer::lent(owner.clone());
-        assert_eq!((buffer.as_ptr(), buffer.len(), buffer.is_lent()), (owner.as_ptr(), 3, true));
-        let copy = buffer.clone();
-        assert_eq!(copy.as_ptr(), owner.as_ptr());
-        buffer[1] = 7;
-        assert_eq!((&*buffer, &**owner, buffer.is_lent()), (&[1, 7, 3][..], &[1, 2, 3][..], false));
-        buffer.to_mut().push(9);
-        assert_eq!(&*buffer, [1, 7, 3, 9]);
-        drop(copy);
-        assert_eq!(Arc::strong_count(&owner), 1);
-    }
-}

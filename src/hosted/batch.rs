@@ -2,14 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::math::{Color, Vec3};
-use std::ops::Range;
 
 /// An albedo or a normal's length may be this far outside its range.
 const SLACK: f32 = 1e-2;
 
-/// Rays that a host should trace.
-#[derive(Default)]
-pub struct Rays {
+/// Rays that a host should trace, and its answers, all of the same number.
+#[derive(Debug, Default)]
+pub struct Batch {
     /// Where the rays start.
     pub origin: Vec<Vec3>,
     /// Unit directions.
@@ -18,41 +17,18 @@ pub struct Rays {
     pub bounce: Vec<u32>,
     /// Seeds of the host's random choices.
     pub seed: Vec<u32>,
-}
-
-/// What a host answered, ray by ray.
-pub struct Answers {
-    /// Light that the hit reflects against the ray; zero at first.
+    /// Answer: light that the hit reflects against the ray, or that a missing ray brings; zero at
+    /// first.
     pub radiance: Vec<Color>,
-    /// Distance of the hit; infinite at first, and for rays that miss.
+    /// Answer: distance of the hit; infinite at first, and for rays that miss.
     pub distance: Vec<f32>,
-    /// Unit shading normal of the hit, on either side; zero at first.
+    /// Answer: unit shading normal of the hit, on either side; zero at first.
     pub normal: Vec<Vec3>,
-    /// Albedo of the diffuse lobe at the hit; zero at first.
+    /// Answer: albedo of the diffuse lobe at the hit; zero at first.
     pub albedo: Vec<Color>,
 }
 
-/// Rays of one call of the host, and the room for its answers; all slices have the same length.
-pub struct Batch<'a> {
-    /// See [`Rays::origin`].
-    pub origin: &'a [Vec3],
-    /// See [`Rays::dir`].
-    pub dir: &'a [Vec3],
-    /// See [`Rays::bounce`].
-    pub bounce: &'a [u32],
-    /// See [`Rays::seed`].
-    pub seed: &'a [u32],
-    /// See [`Answers::radiance`].
-    pub radiance: &'a mut [Color],
-    /// See [`Answers::distance`].
-    pub distance: &'a mut [f32],
-    /// See [`Answers::normal`].
-    pub normal: &'a mut [Vec3],
-    /// See [`Answers::albedo`].
-    pub albedo: &'a mut [Color],
-}
-
-impl Rays {
+impl Batch {
     /// Number of rays.
     pub fn len(&self) -> usize {
         self.origin.len()
@@ -69,47 +45,35 @@ impl Rays {
         self.dir.push(dir);
         self.bounce.push(bounce);
         self.seed.push((seed ^ (seed >> 32)) as u32);
+        self.radiance.push(Color::ZERO);
+        self.distance.push(f32::INFINITY);
+        self.normal.push(Vec3::ZERO);
+        self.albedo.push(Color::ZERO);
     }
 
-    pub(super) fn append(&mut self, other: &Self) {
-        self.origin.extend(&other.origin);
-        self.dir.extend(&other.dir);
-        self.bounce.extend(&other.bounce);
-        self.seed.extend(&other.seed);
+    /// Moves the rays of `other` behind these.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        self.origin.append(&mut other.origin);
+        self.dir.append(&mut other.dir);
+        self.bounce.append(&mut other.bounce);
+        self.seed.append(&mut other.seed);
+        self.radiance.append(&mut other.radiance);
+        self.distance.append(&mut other.distance);
+        self.normal.append(&mut other.normal);
+        self.albedo.append(&mut other.albedo);
     }
-}
 
-impl Answers {
-    /// Room for the answers to `n` rays: all of them miss.
-    pub fn new(n: usize) -> Self {
+    /// Takes the rays from number `first` on out of the batch.
+    pub(super) fn split_off(&mut self, first: usize) -> Self {
         Self {
-            radiance: vec![Color::ZERO; n],
-            distance: vec![f32::INFINITY; n],
-            normal: vec![Vec3::ZERO; n],
-            albedo: vec![Color::ZERO; n],
-        }
-    }
-
-    pub(super) fn part(&self, range: Range<usize>) -> Self {
-        Self {
-            radiance: self.radiance[range.clone()].to_vec(),
-            distance: self.distance[range.clone()].to_vec(),
-            normal: self.normal[range.clone()].to_vec(),
-            albedo: self.albedo[range].to_vec(),
-        }
-    }
-
-    /// The rays of `range` with the room for their answers.
-    pub(super) fn batch<'a>(&'a mut self, rays: &'a Rays, range: Range<usize>) -> Batch<'a> {
-        Batch {
-            origin: &rays.origin[range.clone()],
-            dir: &rays.dir[range.clone()],
-            bounce: &rays.bounce[range.clone()],
-            seed: &rays.seed[range.clone()],
-            radiance: &mut self.radiance[range.clone()],
-            distance: &mut self.distance[range.clone()],
-            normal: &mut self.normal[range.clone()],
-            albedo: &mut self.albedo[range],
+            origin: self.origin.split_off(first),
+            dir: self.dir.split_off(first),
+            bounce: self.bounce.split_off(first),
+            seed: self.seed.split_off(first),
+            radiance: self.radiance.split_off(first),
+            distance: self.distance.split_off(first),
+            normal: self.normal.split_off(first),
+            albedo: self.albedo.split_off(first),
         }
     }
 

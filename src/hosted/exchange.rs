@@ -1,6 +1,6 @@
 //! Where gathers hand in rays, and the threads that take them to the host.
 
-use super::batch::{Answers, Rays};
+use super::batch::Batch;
 use super::host::Host;
 use crate::error::{Error, Result};
 use std::collections::VecDeque;
@@ -13,15 +13,10 @@ const PATIENCE: Duration = Duration::from_micros(300);
 /// Time between two reports of progress.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Rays that wait, and where their answers go.
-struct Request {
-    rays: Rays,
-    reply: SyncSender<Answers>,
-}
-
 #[derive(Default)]
 struct Waiting {
-    requests: VecDeque<Request>,
+    /// Rays, and where they go back to with their answers.
+    requests: VecDeque<(Batch, SyncSender<Batch>)>,
     rays: usize,
     closed: bool,
     failure: Option<Error>,
@@ -47,15 +42,15 @@ impl Exchange {
         self.changed.wait_timeout(waiting, time).unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Hands `rays` in and waits for the answers; `None` when the host has failed.
-    pub fn ask(&self, rays: Rays) -> Option<Answers> {
+    /// Hands `batch` in and waits for the answers; `None` when the host has failed.
+    pub fn ask(&self, batch: Batch) -> Option<Batch> {
         let (reply, receiver) = sync_channel(1);
         let mut waiting = self.lock();
         if waiting.closed {
             return None;
         }
-        waiting.rays += rays.len();
-        waiting.requests.push_back(Request { rays, reply });
+        waiting.rays += batch.len();
+        waiting.requests.push_back((batch, reply));
         drop(waiting);
         self.changed.notify_all();
         receiver.recv().ok()
@@ -96,34 +91,24 @@ impl Exchange {
         if waiting.closed {
             return false;
         }
-        let (mut taken, mut rays) = (Vec::new(), Rays::default());
-        while rays.len() < host.preferred_batch {
-            let Some(request) = waiting.requests.pop_front() else { break };
-            waiting.rays -= request.rays.len();
-            rays.append(&request.rays);
-            taken.push(request);
+        let (mut taken, mut all) = (Vec::new(), Batch::default());
+        while all.len() < host.preferred_batch {
+            let Some((mut batch, reply)) = waiting.requests.pop_front() else { break };
+            waiting.rays -= batch.len();
+            taken.push((all.len(), reply));
+            all.append(&mut batch);
         }
         drop(waiting);
-        if taken.is_empty() {
-            return true;
+        if let Err(error) = host.trace(&mut all) {
+            self.lock().failure.get_or_insert(error);
+            self.close();
+            return false;
         }
-        match host.trace(&rays) {
-            Ok(answers) => {
-                let mut begin = 0;
-                for request in taken {
-                    let end = begin + request.rays.len();
-                    // Nobody listens any more when the gather was given up.
-                    let _ = request.reply.send(answers.part(begin..end));
-                    begin = end;
-                }
-                true
-            }
-            Err(error) => {
-                self.lock().failure.get_or_insert(error);
-                self.close();
-                false
-            }
+        for (first, reply) in taken.into_iter().rev() {
+            // Nobody listens any more when the gather was given up.
+            let _ = reply.send(all.split_off(first));
         }
+        true
     }
 }
 

@@ -1,8 +1,9 @@
 //! The host: its tracer and what it says of itself.
 
-use super::batch::{Answers, Batch, Rays};
+use super::batch::Batch;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Gathers that wait at most.
@@ -32,7 +33,7 @@ impl Description {
     pub const PREFERRED_BATCH: usize = 65536;
 }
 
-type Tracer = dyn Fn(Batch<'_>) -> Result<()> + Send + Sync;
+type Tracer = dyn Fn(&mut Batch, Range<usize>) -> Result<()> + Send + Sync;
 
 /// A renderer that keeps its scene.
 pub struct Host {
@@ -43,13 +44,13 @@ pub struct Host {
 }
 
 impl Host {
-    /// A host whose `tracer` fills the answers of a batch.
+    /// A host whose `tracer` fills the answers of a range of a batch.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] where the bounds are empty or not finite.
     pub fn new(
         description: Description,
-        tracer: impl Fn(Batch<'_>) -> Result<()> + Send + Sync + 'static,
+        tracer: impl Fn(&mut Batch, Range<usize>) -> Result<()> + Send + Sync + 'static,
     ) -> Result<Self> {
         let Aabb { min, max } = description.bounds;
         let sound = min.is_finite() && max.is_finite() && min.cmple(max).all();
@@ -70,22 +71,21 @@ impl Host {
         (self.preferred_batch / rays.max(1)).clamp(processors, MOST_WAITING.max(processors))
     }
 
-    /// Has `rays` traced in calls of at most `max_batch`, and checks the answers.
+    /// Has `batch` traced in calls of at most `max_batch` rays, and checks the answers.
     ///
     /// # Errors
     /// [`Error::Host`] when the tracer fails or an answer is impossible.
-    pub fn trace(&self, rays: &Rays) -> Result<Answers> {
-        let mut answers = Answers::new(rays.len());
+    pub fn trace(&self, batch: &mut Batch) -> Result<()> {
         let most = self.max_batch.max(1);
-        for begin in (0..rays.len()).step_by(most) {
-            let end = rays.len().min(begin.saturating_add(most));
-            let outcome = (self.tracer)(answers.batch(rays, begin..end));
+        for begin in (0..batch.len()).step_by(most) {
+            let end = batch.len().min(begin.saturating_add(most));
+            let outcome = (self.tracer)(batch, begin..end);
             self.calls.fetch_add(1, Ordering::Relaxed);
             self.rays.fetch_add((end - begin) as u64, Ordering::Relaxed);
             outcome?;
-            (begin..end).try_for_each(|i| answers.check(i, i - begin, self.all_bounces))?;
+            (begin..end).try_for_each(|i| batch.check(i, i - begin, self.all_bounces))?;
         }
-        Ok(answers)
+        Ok(())
     }
 }
 

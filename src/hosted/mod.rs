@@ -7,11 +7,12 @@
 //! The answers to a gather do not depend on the other gathers in its batch.
 
 mod batch;
-mod exchange;
 mod host;
+mod exchange;
 mod probe;
+mod world;
 
-pub use batch::{Answers, Batch, Rays};
+pub use batch::Batch;
 pub use exchange::{Exchange, run};
 pub use host::{Description, Host};
 pub use probe::{HostProbe, surface_point};

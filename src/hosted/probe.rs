@@ -1,6 +1,6 @@
 //! The probe that gathers in a hosted scene.
 
-use super::batch::{Answers, Rays};
+use super::batch::Batch;
 use super::exchange::Exchange;
 use super::host::Host;
 use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
@@ -8,7 +8,7 @@ use crate::geometry::{SurfacePoint, offset_origin};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
 use crate::sampling::{
-    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, unit_f32,
+    LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, square_to_cosine_hemisphere, stream, unit_f32,
 };
 
 /// Sees the light that the host's tracer answers, and follows paths where no cache knows the
@@ -70,12 +70,12 @@ fn cosine_direction(seed: u64) -> Vec3 {
 }
 
 impl HostProbe<'_> {
-    fn trace(&self, paths: &[Path], bounces: u32) -> Option<Answers> {
-        let mut rays = Rays::default();
+    fn trace(&self, paths: &[Path], bounces: u32) -> Option<Batch> {
+        let mut batch = Batch::default();
         for p in paths {
-            rays.push(p.origin, p.dir, bounces, hash(&[p.seed, 0]));
+            batch.push(p.origin, p.dir, bounces, hash(&[p.seed, stream::HOST_RAY]));
         }
-        let answers = self.exchange.ask(rays);
+        let answers = self.exchange.ask(batch);
         if answers.is_none() {
             self.progress.cancel();
         }
@@ -83,7 +83,7 @@ impl HostProbe<'_> {
     }
 
     /// The hit of path `p`, answer `i`, as a point; the normal faces the ray.
-    fn hit(&self, p: &Path, answers: &Answers, i: usize) -> SurfacePoint {
+    fn hit(&self, p: &Path, answers: &Batch, i: usize) -> SurfacePoint {
         let n = answers.normal[i];
         let n = if n.dot(p.dir) > 0.0 { -n } else { n };
         surface_point(p.origin + answers.distance[i] * p.dir, n, n, -p.dir, self.footprint)
@@ -92,7 +92,7 @@ impl HostProbe<'_> {
     /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`
     /// rays, spread evenly over the points. None where the host answers light of all bounces:
     /// deeper levels have no use then.
-    pub fn next_points(
+    pub(super) fn meet(
         &self,
         points: &[SurfacePoint],
         count: usize,
@@ -158,10 +158,10 @@ impl RadianceProbe for HostProbe<'_> {
                     bundle.radiance[p.ray] += weight * e * INV_PI;
                     continue;
                 }
-                let seed = hash(&[p.seed, u64::from(bounces), 1]);
+                let seed = hash(&[p.seed, u64::from(bounces), stream::HOST_VERTEX]);
                 if bounces >= ROULETTE_AFTER {
                     let survival = weight.max_element().min(MAX_SURVIVAL);
-                    if unit_f32(hash(&[seed, 2]) as u32) >= survival {
+                    if unit_f32(hash(&[seed, stream::HOST_ROULETTE]) as u32) >= survival {
                         continue;
                     }
                     weight /= survival;

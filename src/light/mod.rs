@@ -2,19 +2,19 @@
 //! the sampling of all of them.
 
 mod bounds;
-mod distant;
-mod emission;
-mod environment;
 mod ies;
-mod lanes;
-mod lights;
 mod polygon;
-mod punctual;
 mod simd;
-mod sky;
 mod source;
-mod tree;
+mod environment;
+mod distant;
+mod punctual;
+mod sky;
 mod triangle;
+mod lanes;
+mod tree;
+mod lights;
+mod emission;
 
 pub use emission::{Emission, EmissionSampler, LightEnd};
 pub use ies::{IesFault, IesProfile, Photometry};

@@ -17,16 +17,16 @@ use crate::sampling::square_to_cosine_hemisphere;
 /// f(wo, wi) = diffuse_albedo(wo)/π + f_glossy(wo, wi)   for wi above the surface
 /// ```
 ///
-/// so that its outgoing radiance is `diffuse_albedo(wo)/π · E` for any incident light, which is
-/// what the irradiance cache interpolates. The price: light enters the diffuse layer through the
-/// layers above it without loss and is attenuated on its way to `wo` alone. Energy is conserved,
-/// but where there is a specular layer or a coat, `f(wo, wi) = f(wi, wo)` does not hold for the
-/// diffuse lobe, nor, for the same reason, for whatever lies below a coat, nor for the compensation
-/// of multiple scattering, which depends on `wo` alone [Turquin19]. Algorithms that carry
-/// importance must evaluate `f` with its arguments in the order of the light.
+/// The outgoing radiance of the diffuse lobe is `diffuse_albedo(wo)/π · E` for any incident light,
+/// so irradiance is all that a cache has to interpolate. The price: light enters the diffuse layer
+/// through the layers above without loss, and only its way to `wo` attenuates it. Energy is
+/// conserved, but `f(wo, wi) = f(wi, wo)` does not hold for the diffuse lobe under a specular layer
+/// or a coat, nor for anything below a coat, nor for the compensation of multiple scattering, which
+/// depends on `wo` alone [Turquin19]. Algorithms that carry importance must evaluate `f` with its
+/// arguments in the order of the light.
 ///
-/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface, as seen
-/// from there; others are black from below.
+/// Surfaces that transmit may also be evaluated and sampled with `wo` below the surface. Other
+/// surfaces are black from below.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bsdf(Model);
 

@@ -79,9 +79,8 @@ pub struct Material {
     pub unlit: bool,
     /// A BRDF of the papers in place of the glTF model.
     pub native: Option<NativeBrdf>,
-    /// Accounts for light that scatters more than once between microfacets, so that rough surfaces
-    /// lose no energy. Without it the glTF model is the single-scattering one of older
-    /// renderers.
+    /// Accounts for light that scatters more than once between microfacets: rough surfaces lose no
+    /// energy. Without this light the glTF model is the single-scattering one of older renderers.
     pub multiple_scattering: bool,
 }
 

@@ -8,7 +8,7 @@ use super::microfacet::{
     fresnel_dielectric, g1_over_cos, reflect, refract, sample_visible_normal, schlick_weight,
     visibility,
 };
-use crate::math::{Vec2, Vec3};
+use crate::math::{Vec2, Vec3, cell};
 use std::sync::LazyLock;
 
 /// Nodes of the reflection table along the view angle and along the roughness.
@@ -118,14 +118,6 @@ fn node_cos(i: usize, count: usize, alpha: f32) -> f32 {
 fn node_alpha(j: usize, count: usize) -> f32 {
     let r = j as f32 / (count - 1) as f32;
     (r * r).max(1e-5)
-}
-
-/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place in it.
-#[inline]
-fn cell(t: f32, count: usize) -> (usize, f32) {
-    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
-    let i = (x as usize).min(count - 2);
-    (i, x - i as f32)
 }
 
 /// The mean of `value` over visible normals `h` at `cos`: midpoints of `nx` by `ny` cells of the

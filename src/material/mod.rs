@@ -1,13 +1,13 @@
 //! Surface materials: what glTF describes, the BRDFs of the caching papers, and their evaluation,
 //! sampling and densities.
 
-mod bsdf;
+mod microfacet;
+mod sample;
+mod native;
 mod description;
 mod energy;
 mod layered;
-mod microfacet;
-mod native;
-mod sample;
+mod bsdf;
 mod shade;
 pub mod tables;
 

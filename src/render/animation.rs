@@ -2,7 +2,8 @@
 
 use super::clock::Clock;
 use super::frame::Frame;
-use super::job::{Job, Picture, on_workers};
+use super::job::{Job, on_workers};
+use super::picture::Picture;
 use super::sequence::{Growth, fill_sequence};
 use super::settings::Settings;
 use crate::camera::Camera;

@@ -1,16 +1,15 @@
 //! One frame: every pixel is shaded, tile after tile and pass after pass.
 
-use super::caches::{Caches, Gloss};
+use super::caches::Caches;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings, camera_sample};
-use crate::cache::{Cache, FillStats, RadianceCache};
 use crate::film::{Film, Pixel};
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
 use crate::transport::{Bidirectional, CachedIntegrator, Integrator, PathTracer, Shaded, Splat};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// Sides of a tile in pixels.
 const TILE: u32 = 16;
@@ -25,14 +24,8 @@ const WAVE: u32 = 64;
 pub struct Frame {
     /// The pixels.
     pub film: Film,
-    /// The filled cache, for the caching integrator.
-    pub cache: Option<Cache>,
-    /// What the fill did on each level.
-    pub fill: Vec<FillStats>,
-    /// The same for glossy surfaces, if the scheme caches radiance.
-    pub gloss: Option<Arc<Gloss>>,
-    /// Rays that the fill traced: bundles, shadow rays and paths at their hits.
-    pub gathered: [u64; 3],
+    /// The filled caches, for the caching integrator.
+    pub caches: Option<Caches>,
     /// CPU seconds of rendering spent on cache lookups and on direct light.
     pub shading_seconds: [f64; 2],
     /// The frame was cancelled and holds the samples so far.
@@ -47,10 +40,7 @@ impl Frame {
     pub(super) fn empty(settings: &Settings, caches: Option<&Caches>) -> Self {
         Self {
             film: Film::new(settings.size, settings.window),
-            cache: caches.map(|c| c.cache.clone()),
-            fill: caches.map_or_else(Vec::new, |c| c.fill.clone()),
-            gloss: caches.and_then(|c| c.gloss.clone()),
-            gathered: caches.map_or([0; 3], |c| c.gathered),
+            caches: caches.cloned(),
             shading_seconds: [0.0; 2],
             cancelled: false,
         }
@@ -71,10 +61,10 @@ impl Frame {
             return frame;
         }
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
-        let integrator = match (&frame.cache, settings.integrator) {
-            (Some(cache), _) => {
-                let gloss = frame.gloss.as_ref().map(|g| g.shading(&settings.scheme));
-                Integrator::Cached(CachedIntegrator::new(tracer, cache, gloss))
+        let integrator = match (&frame.caches, settings.integrator) {
+            (Some(caches), _) => {
+                let lobes = caches.choice();
+                Integrator::Cached(CachedIntegrator::new(tracer, &caches.cache, lobes))
             }
             (None, IntegratorKind::Bdpt) => {
                 let (camera, size, window) =
@@ -88,12 +78,6 @@ impl Frame {
         frame.cancelled = shading.run(&mut frame.film, watcher);
         frame.shading_seconds = integrator.seconds();
         frame
-    }
-
-    /// All caches that were filled.
-    pub(super) fn caches(&self) -> impl Iterator<Item = &Cache> {
-        let radiance = self.gloss.iter().flat_map(|g| g.levels.iter());
-        self.cache.iter().chain(radiance.map(RadianceCache::placement))
     }
 }
 

@@ -3,11 +3,11 @@
 use super::caches::Caches;
 use super::clock::Clock;
 use super::frame::{Frame, Watcher};
-use super::output::{Facts, write_exr, write_preview};
+use super::picture::{Output, Picture, origin};
 use super::selection::Selection;
 use super::settings::{IntegratorKind, Settings};
 use super::visible::fill_for_camera;
-use crate::cache::{Cache, CacheFile, Origin, Preset, Scheme};
+use crate::cache::{Cache, CacheFile, Preset, Schedule, Scheme};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
 use crate::ffi::mxcsr;
@@ -16,9 +16,8 @@ use crate::import::default_camera;
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use serde_json::Value;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Samples per pixel at quality 1.
 const SPP: f32 = 16.0;
@@ -80,14 +79,6 @@ enum Before {
     Caches(Caches),
 }
 
-/// What the files show.
-#[derive(Clone)]
-pub(super) struct Output {
-    layers: Selection,
-    exposure: f32,
-    show_records: bool,
-}
-
 impl<'a> Job<'a> {
     /// The qualities that a picture can have.
     pub const QUALITY: RangeInclusive<f32> = 0.01..=100.0;
@@ -115,11 +106,7 @@ impl<'a> Job<'a> {
             progress: None,
             watcher: Box::new(|_, _| ()),
             clock: Clock::default(),
-            output: Output {
-                layers: Selection::parse("basic").expect("the default layers"),
-                exposure: 0.0,
-                show_records: false,
-            },
+            output: Output::default(),
         }
     }
 
@@ -367,7 +354,7 @@ impl<'a> Job<'a> {
             }
             Err(error) => return Err(error),
             Ok(births) => {
-                let limits = births.filter(|_| settings.scheme.passes == 1);
+                let limits = births.filter(|_| settings.scheme.schedule == Schedule::OnePass);
                 self.clock.start(Phase::Render);
                 let (caches, limits) = (caches.as_ref(), limits.as_deref());
                 Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)
@@ -390,68 +377,6 @@ impl<'a> Job<'a> {
     }
 }
 
-/// A rendered picture.
-pub struct Picture<'a> {
-    /// The pixels and the caches.
-    pub frame: Frame,
-    /// What was rendered.
-    pub settings: Settings,
-    /// The time that it took.
-    pub clock: Clock,
-    scene: &'a Scene,
-    output: Output,
-    threads: usize,
-}
-
-impl<'a> Picture<'a> {
-    pub(super) fn new(
-        scene: &'a Scene,
-        frame: Frame,
-        settings: Settings,
-        clock: Clock,
-        output: Output,
-    ) -> Self {
-        Self { frame, settings, clock, scene, output, threads: rayon::current_num_threads() }
-    }
-
-    /// Writes the layers of the picture.
-    ///
-    /// # Errors
-    /// Those of writing the file.
-    pub fn write_exr(&self, path: impl AsRef<Path>) -> Result<()> {
-        let facts = Facts {
-            seconds: self.clock.total_seconds(),
-            scene_hash: self.scene.hash(),
-            backend: self.scene.accel().version(),
-            show_records: self.output.show_records,
-        };
-        write_exr(path.as_ref(), &self.frame, &self.settings, &self.output.layers, &facts)
-    }
-
-    /// Writes the picture as an 8-bit sRGB PNG.
-    ///
-    /// # Errors
-    /// Those of writing the file.
-    pub fn write_preview(&self, path: impl AsRef<Path>) -> Result<()> {
-        let Output { exposure, show_records, .. } = self.output;
-        write_preview(path.as_ref(), &self.frame, &self.settings, exposure, show_records)
-    }
-
-    /// Writes the records to a cache file. Nothing is written where the integrator uses no cache.
-    ///
-    /// # Errors
-    /// Those of writing the file.
-    pub fn write_cache(&self, path: impl AsRef<Path>) -> Result<()> {
-        let Some(cache) = &self.frame.cache else { return Ok(()) };
-        CacheFile::new(cache, origin(self.scene, &self.settings)).write(path.as_ref())
-    }
-
-    /// Seconds, rays, records, lookups and settings, as the flag `--stats` writes them.
-    pub fn stats(&self) -> Value {
-        super::stats(self.scene, &self.settings, &self.frame, &self.clock, self.threads)
-    }
-}
-
 /// The records of cache files, if there are any.
 fn read(
     paths: &[PathBuf],
@@ -465,11 +390,6 @@ fn read(
         all.merge(CacheFile::read(path)?, reuse, path)?;
     }
     all.into_cache(settings.scheme.clone(), &origin(scene, settings), reuse, first).map(Some)
-}
-
-fn origin(scene: &Scene, settings: &Settings) -> Origin {
-    let hashes = scene.hashes().clone();
-    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size())
 }
 
 /// The number of the camera with the name or the number `wanted`.
@@ -502,4 +422,65 @@ pub fn workers(count: usize) -> Result<ThreadPool> {
 /// Does `work` on the thread pool of the calling thread, or else on one of its own.
 pub(super) fn on_workers<R: Send>(work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
     if rayon::current_thread_index().is_some() { work() } else { workers(0)?.install(work) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::Backend;
+    use crate::scene::SceneData;
+
+    fn scene() -> Scene {
+        Scene::new(SceneData::default(), Backend::Bvh).unwrap().0
+    }
+
+    #[test]
+    fn quality_decides_samples_noise_and_the_scheme_of_a_preset() {
+        let scene = scene();
+        let of = |quality: f32| Job::new(&scene).quality(quality).settings().unwrap();
+        let (one, four, least) = (of(1.0), of(4.0), of(0.01));
+        assert_eq!((one.spp, one.noise), (16, 0.04));
+        assert_eq!((four.spp, four.noise), (64, 0.02));
+        assert_eq!(least.spp, 1);
+        assert_eq!(four.scheme.gather.rays, 2 * one.scheme.gather.rays);
+        let given = Job::new(&scene).scheme(one.scheme.clone()).quality(4.0).settings().unwrap();
+        assert_eq!((given.spp, &given.scheme), (64, &one.scheme));
+        for bad in [0.0, 101.0, f32::NAN] {
+            assert!(Job::new(&scene).quality(bad).settings().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn every_pixel_gets_the_samples_that_somebody_named() {
+        let scene = scene();
+        let named = Job::new(&scene).spp(8).settings().unwrap();
+        assert_eq!((named.spp, named.noise), (8, 0.0));
+        let reference = Job::new(&scene).integrator(IntegratorKind::Path).settings().unwrap();
+        assert_eq!((reference.spp, reference.noise), (16, 0.0));
+        assert_eq!(Job::new(&scene).spp(8).noise(0.1).settings().unwrap().noise, 0.1);
+        assert!(Job::new(&scene).spp(0).settings().is_err());
+    }
+
+    #[test]
+    fn the_size_follows_the_camera_unless_it_is_given() {
+        let scene = scene();
+        assert_eq!(Job::new(&scene).settings().unwrap().size, [1280, 720]);
+        let camera = Camera { aspect: Some(0.5), ..default_camera(&scene.bounds()) };
+        let job = Job::new(&scene).camera(camera).rows(100);
+        assert_eq!(job.settings().unwrap().size, [50, 100]);
+        let job = job.size(40, 30).crop([1, 2, 3, 4]);
+        let settings = job.settings().unwrap();
+        assert_eq!((settings.size, settings.window), ([40, 30], [1, 2, 3, 4]));
+        assert!(job.crop([0, 0, 41, 30]).settings().is_err());
+        assert!(Job::new(&scene).camera_named("nobody").is_err());
+    }
+
+    #[test]
+    fn a_job_with_settings_has_exactly_these() {
+        let scene = scene();
+        let job = Job::new(&scene).quality(0.3).seed(7).max_bounces(3).prepass_only(true);
+        let settings = job.size(9, 8).crop([1, 1, 5, 5]).settings().unwrap();
+        let again = Job::with_settings(&scene, settings.clone()).settings().unwrap();
+        assert_eq!(format!("{again:?}"), format!("{settings:?}"));
+    }
 }

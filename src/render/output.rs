@@ -40,8 +40,8 @@ pub struct Facts {
 fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
     let film = &frame.film;
     let mut picture = film.picture(selection.layers().iter().copied());
-    if facts.show_records && frame.cache.is_some() {
-        let drawn = overlay::draw(film, frame.caches(), settings);
+    if let Some(caches) = frame.caches.as_ref().filter(|_| facts.show_records) {
+        let drawn = overlay::draw(film, &caches.cache, settings);
         picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);
         picture.add("gi.level", SampleKind::Half, drawn.level);
     }
@@ -76,10 +76,9 @@ pub fn write_preview(
     exposure_ev: f32,
     show_records: bool,
 ) -> Result<()> {
-    let pixels: Vec<Color> = if show_records && frame.cache.is_some() {
-        overlay::draw(&frame.film, frame.caches(), settings).overlay
-    } else {
-        frame.film.radiance()
+    let pixels: Vec<Color> = match frame.caches.as_ref().filter(|_| show_records) {
+        Some(caches) => overlay::draw(&frame.film, &caches.cache, settings).overlay,
+        None => frame.film.radiance(),
     };
     let [width, height] = frame.film.window_size();
     ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))

@@ -1,7 +1,7 @@
 //! Records drawn over the image: a dot where each lies, the outline of its area, coloured by level.
 
 use super::settings::Settings;
-use crate::cache::{Cache, Reach};
+use crate::cache::{Cache, RadiusRule, Record};
 use crate::film::Film;
 use crate::math::{Color, Vec2, Vec3};
 use glam::Mat4;
@@ -26,13 +26,9 @@ const OUTLINED: f32 = 6.0;
 /// Points of an outline.
 const OUTLINE: usize = 48;
 
-/// Draws the records of all levels of `caches` that the camera sees; those hidden behind what it
-/// sees are left out.
-pub fn draw<'a>(
-    film: &Film,
-    caches: impl Iterator<Item = &'a Cache>,
-    settings: &Settings,
-) -> Drawn {
+/// Draws the records of all levels of `cache` that the camera sees. Records that are hidden behind
+/// what the camera sees are left out.
+pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
     let mut canvas = Canvas {
         film,
         to_clip: settings.camera.world_to_ndc(settings.size),
@@ -41,21 +37,12 @@ pub fn draw<'a>(
         drawn: Drawn { overlay: film.radiance(), level: vec![0.0; film.pixels().len()] },
         brightness: 4.0 * film.mean_luminance().max(1e-6),
     };
-    let levels =
-        caches.flat_map(|cache| (0..cache.level_count()).rev().map(move |level| (cache, level)));
-    for (cache, level) in levels {
-        let Some(filled) = cache.level(level) else { continue };
-        let reach = Reach::new(cache.scheme(), level, cache.scene_size(), 1.0);
-        for record in filled.records() {
-            let (area, _) = reach.area(record);
-            let share = reach.share(record);
-            let area = area.map(|r| share * r);
-            canvas.dot(record.position, level);
-            if area.longest() >= OUTLINED * record.footprint {
-                for p in area.outline(record.position, record.normal, OUTLINE) {
-                    canvas.point(p, level, 0.5);
-                }
-            }
+    for level in (0..cache.level_count()).rev() {
+        canvas.records(level, &cache.radius_rule(level), cache.records(level));
+    }
+    for level in 0..cache.radiance_level_count() {
+        if let Some(rule) = cache.radiance_radius_rule(level) {
+            canvas.records(level, &rule, cache.radiance_records(level));
         }
     }
     canvas.drawn
@@ -71,6 +58,20 @@ struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
+    fn records<P>(&mut self, level: u8, rule: &RadiusRule, records: &[Record<P>]) {
+        for record in records {
+            let (area, _) = rule.area(record);
+            let share = rule.share(record);
+            let area = area.map(|r| share * r);
+            self.dot(record.position, level);
+            if area.longest() >= OUTLINED * record.footprint {
+                for p in area.outline(record.position, record.normal, OUTLINE) {
+                    self.point(p, level, 0.5);
+                }
+            }
+        }
+    }
+
     /// The pixel of the window in which `p` is seen, if it is.
     fn pixel(&self, p: Vec3) -> Option<[i64; 2]> {
         let clip = self.to_clip * p.extend(1.0);

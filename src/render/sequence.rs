@@ -64,18 +64,18 @@ pub fn fill_sequence(
         let mut changed = false;
         for (camera, growth) in cameras.iter().zip(&mut growth) {
             let start = Instant::now();
-            let ((levels, radiance), reductions) = (caches.record_counts(), caches.reductions());
+            let (records, reductions) = (counts(caches), caches.report.reductions());
             // What is worth a record is worth it for all frames together.
             let spp = settings.spp.saturating_mul(cameras.len() as u32);
             let settings = Settings { camera: camera.clone(), spp, ..settings.clone() };
             fill_for_camera(caches, scene, &settings, &witnesses, progress)?;
-            let (levels_now, radiance_now) = caches.record_counts();
+            let now = counts(caches);
             let added = Growth {
-                levels: levels_now.iter().zip(&levels).map(|(now, before)| now - before).collect(),
-                radiance: radiance_now - radiance,
+                levels: now.0.iter().zip(&records.0).map(|(now, before)| now - before).collect(),
+                radiance: now.1 - records.1,
                 seconds: start.elapsed().as_secs_f64(),
             };
-            changed |= added.records() > 0 || caches.reductions() > reductions;
+            changed |= added.records() > 0 || caches.report.reductions() > reductions;
             growth.add(&added);
         }
         if !changed {
@@ -83,4 +83,11 @@ pub fn fill_sequence(
         }
     }
     Ok(growth)
+}
+
+/// Number of irradiance records on each level, and of radiance records.
+fn counts(caches: &Caches) -> (Vec<usize>, usize) {
+    let cache = &caches.cache;
+    let levels = (0..cache.level_count()).map(|k| cache.records(k).len()).collect();
+    (levels, cache.radiance_record_count())
 }

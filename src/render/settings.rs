@@ -1,9 +1,9 @@
 //! One frame's settings, every number decided, and the samples that follow from them.
 
-use crate::cache::{Order, Scheme};
+use crate::cache::{Schedule, Scheme};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::sampling::hash;
+use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
 
 /// Which light transport makes the pixels.
@@ -102,14 +102,14 @@ pub(crate) fn pixel_order(settings: &Settings) -> Vec<u32> {
     let [x0, y0, x1, y1] = settings.window;
     let width = x1 - x0;
     let mut order: Vec<u32> = (0..width * (y1 - y0)).collect();
-    match settings.scheme.order {
-        Order::Scanline => {}
+    match settings.scheme.schedule {
+        Schedule::OnePass | Schedule::Scanline => {}
         // Grids of every eighth pixel, then every fourth, every second, and the rest.
-        Order::CoarseToFine => {
+        Schedule::CoarseToFine => {
             order.sort_by_key(|p| (3 - ((p % width) | (p / width) | 8).trailing_zeros(), *p))
         }
-        Order::Hashed => {
-            order.sort_by_cached_key(|p| (hash(&[settings.seed, 1, u64::from(*p)]), *p))
+        Schedule::Scattered => {
+            order.sort_by_cached_key(|p| (hash(&[settings.seed, stream::ORDER, u64::from(*p)]), *p))
         }
     }
     order

@@ -3,7 +3,7 @@
 use super::clock::{Clock, peak_memory_bytes};
 use super::frame::Frame;
 use super::settings::Settings;
-use crate::cache::FillStats;
+use crate::cache::{FillStats, Store};
 use crate::film::Pixel;
 use crate::scene::Scene;
 use serde_json::{Value, json};
@@ -24,14 +24,16 @@ pub fn stats(
         .map(Pixel::lookups)
         .fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let samples: u64 = frame.film.pixels().iter().map(|p| u64::from(p.samples())).sum();
-    let [bundle, shadow, paths] = frame.gathered;
-    let levels: Vec<Value> = frame.cache.as_ref().map_or_else(Vec::new, |cache| {
-        (0..cache.level_count())
+    let caches = frame.caches.as_ref();
+    let [bundle, shadow, paths] = caches.map_or([0; 3], |c| c.gathered);
+    let levels: Vec<Value> = caches.map_or_else(Vec::new, |c| {
+        (0..c.cache.level_count())
             .filter_map(|k| {
-                let (level, fill) = (cache.level(k)?, frame.fill.get(usize::from(k))?);
+                let level = c.cache.level(k)?.irradiance();
+                let fill = c.report.irradiance.get(usize::from(k))?;
                 Some(json!({
                     "level": k,
-                    "records": level.records().len(),
+                    "records": level.len(),
                     "bytes": level.bytes(),
                     "gather_rays": fill.gather_rays,
                     "fill_lookups": fill.lookups,
@@ -46,13 +48,15 @@ pub fn stats(
     });
     let (glossy, served) =
         frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
-    let radiance = frame.gloss.as_ref().map(|gloss| {
+    let radiance = caches.filter(|c| c.lobes.is_some()).map(|c| {
         let mut fill = FillStats::default();
-        gloss.fill.iter().for_each(|f| fill.add(f));
+        c.report.radiance.iter().for_each(|f| fill.add(f));
+        let levels =
+            (0..c.cache.radiance_level_count()).filter_map(|k| c.cache.level(k)?.radiance());
         json!({
-            "records": gloss.record_count(),
-            "levels": gloss.levels.iter().map(|l| l.records().len()).collect::<Vec<_>>(),
-            "bytes": gloss.bytes(),
+            "records": c.cache.radiance_record_count(),
+            "levels": levels.clone().map(Store::len).collect::<Vec<_>>(),
+            "bytes": levels.map(Store::bytes).sum::<usize>(),
             "gather_rays": fill.gather_rays,
             "fill_lookups": fill.lookups,
             "fill_hits": fill.hits,
@@ -61,8 +65,8 @@ pub fn stats(
             "reductions": fill.reductions,
         })
     });
-    // Parts of rendering that run on all threads at once: their thread seconds, and the wall
-    // seconds that is on average.
+    // Parts of rendering that run on all threads at once: their seconds over all threads, and the
+    // mean of these over the threads, about the wall seconds.
     let mut phases = clock.to_json();
     for (name, seconds) in ["interpolate", "direct"].into_iter().zip(frame.shading_seconds) {
         phases[name] = json!({"seconds": seconds / threads as f64, "cpu_seconds": seconds});

@@ -10,8 +10,8 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
 /// How long to wait for the viewer to accept a connection, and later for it to take a packet.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Bytes of samples per packet; a larger tile is sent in bands of rows. Packets are limited to 4
-/// GiB by their length field.
+/// Bytes of samples per packet; a larger tile is sent in bands of rows. The length field limits
+/// packets to 4 GiB.
 const MAX_PACKET_BYTES: usize = 16 << 20;
 
 /// A rectangle of pixels.

@@ -1,13 +1,13 @@
 //! What the camera of a frame needs of the caches.
 
-use super::caches::{Caches, Job, Spot};
+use super::caches::Caches;
 use super::settings::{Settings, camera_sample, pixel_order};
-use crate::cache::Order;
+use crate::cache::{FillPlan, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::transport::{PathTracer, Service, View, pixel_footprint};
+use crate::transport::{CachedLobes, PathTracer, SceneWorld, View, pixel_footprint};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -32,23 +32,25 @@ pub fn fill_for_camera(
     let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
     let order = pixel_order(settings);
     let mut births = vec![u32::MAX; order.len()];
-    let spots = visible(caches, tracer, settings, others, &order);
+    let points = visible(caches, tracer, settings, others, &order);
     let width = (settings.window[2] - settings.window[0]) as usize;
-    let look = |spots: &[Spot], service: Option<&Service>| -> Vec<Option<View>> {
-        let samples = spots.iter().map(|s| camera_sample(settings, s.number, 0, u32::MAX));
+    let look = |points: &[ShadingPoint], lobes: Option<CachedLobes>| -> Vec<Option<View>> {
+        let samples = points.iter().map(|p| camera_sample(settings, p.number, 0, u32::MAX));
         let rays: Vec<_> = samples.map(|s| (s.camera, s.seed)).collect();
-        tracer.views(&rays, service)
+        tracer.views(&rays, lobes)
     };
-    let job = Job {
-        tracer,
+    let towards = |p| settings.camera.towards(p);
+    let lobes = caches.lobes.clone();
+    let world = SceneWorld::new(tracer, lobes.as_deref(), &settings.scheme)
+        .with_look(&look)
+        .with_viewer(&towards);
+    let plan = FillPlan {
         deeper_points: DEEPER_POINTS,
-        round: if settings.scheme.order == Order::Scanline { width } else { 0 },
+        round: if settings.scheme.schedule.is_by_row() { width } else { 0 },
         seed: settings.seed,
-        look: &look,
-        towards: Some(&|p| settings.camera.towards(p)),
     };
-    let made = caches.fill(&job, &spots, progress)?;
-    spots.iter().zip(made).for_each(|(s, birth)| births[s.number as usize] = birth);
+    let made = caches.fill(&world, &points, &plan, progress)?;
+    points.iter().zip(made).for_each(|(p, birth)| births[p.number as usize] = birth);
     Ok(births)
 }
 
@@ -59,35 +61,38 @@ fn visible(
     settings: &Settings,
     others: &[Camera],
     order: &[u32],
-) -> Vec<Spot> {
+) -> Vec<ShadingPoint> {
     let scheme = &settings.scheme;
-    let all = vec![true; tracer.scene.materials().len()];
-    let service = caches.gloss.as_ref().map(|g| Service::new(&g.tables, &all, scheme));
-    let whole = scheme.radiance_diffuse && caches.gloss.is_some();
-    let mut visible: Vec<(Spot, bool)> = order
+    let all = caches.lobes.as_deref().map(|lobes| {
+        let mut all = lobes.clone();
+        all.admit_all();
+        all
+    });
+    let lobes = all.as_ref().map(|l| l.choice(scheme));
+    let mut visible: Vec<(ShadingPoint, bool)> = order
         .par_iter()
         .filter_map(|&number| {
             let sample = camera_sample(settings, number, 0, u32::MAX);
             let (mut point, order, diffuse) =
-                tracer.first_cached(&sample.camera, sample.seed, service.as_ref())?;
+                tracer.first_cached(&sample.camera, sample.seed, lobes)?;
             for camera in others {
                 let footprint = pixel_footprint(camera, settings.size, &point);
                 point.footprint = point.footprint.min(footprint.unwrap_or(f32::INFINITY));
             }
-            let order = if whole { scheme.radiance_order } else { order };
-            Some((Spot { number, point, irradiance: order == 0, order }, diffuse))
+            Some((caches.cache.shading_point(0, number, point, order), diffuse))
         })
         .collect();
-    if let Some(gloss) = caches.gloss.as_mut().filter(|_| !scheme.radiance_diffuse) {
-        let mut paths = vec![0.0; all.len()];
-        for (spot, _) in visible.iter().filter(|(spot, _)| spot.order > 0) {
-            paths[spot.point.material as usize] += settings.spp as f32;
+    if let Some(lobes) = caches.lobes.as_mut().filter(|_| !scheme.whole()) {
+        let mut paths = vec![0.0; tracer.scene.materials().len()];
+        for (p, _) in visible.iter().filter(|(p, _)| p.order > 0) {
+            paths[p.point.material as usize] += settings.spp as f32;
         }
-        Arc::make_mut(gloss).serve(&paths, scheme);
-        for (spot, diffuse) in &mut visible {
-            spot.order *= u8::from(gloss.serves(spot.point.material));
-            spot.irradiance = spot.order == 0 && *diffuse;
+        let lobes = Arc::make_mut(lobes);
+        lobes.admit(&paths, scheme);
+        for (p, diffuse) in &mut visible {
+            p.order *= u8::from(lobes.are_cached(p.point.material));
+            p.irradiance = p.order == 0 && *diffuse;
         }
     }
-    visible.into_iter().map(|(spot, _)| spot).filter(|s| s.order > 0 || s.irradiance).collect()
+    visible.into_iter().map(|(p, _)| p).filter(|p| p.order > 0 || p.irradiance).collect()
 }

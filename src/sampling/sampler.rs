@@ -66,30 +66,3 @@ impl Sampler {
         Vec2::new(self.buffer[self.used - 2], self.buffer[self.used - 1])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_sixteen_points_are_stratified_in_both_dimensions() {
-        for seed in 0..20 {
-            let mut rows = [0; 16];
-            let mut columns = [0; 16];
-            for i in 0..16 {
-                let p = Sampler::new(hash(&[seed]), i).next_2d();
-                rows[(p.x * 16.0) as usize] += 1;
-                columns[(p.y * 16.0) as usize] += 1;
-            }
-            assert!(rows.iter().chain(&columns).all(|&c| c == 1), "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn many_dimensions_stay_in_range() {
-        let mut sampler = Sampler::new(7, 3);
-        for _ in 0..2000 {
-            assert!((0.0..1.0).contains(&sampler.next_1d()));
-        }
-    }
-}

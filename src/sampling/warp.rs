@@ -62,38 +62,3 @@ pub fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sampling::Rng;
-
-    #[test]
-    fn warps_invert() {
-        let mut rng = Rng::new(1);
-        for _ in 0..1000 {
-            let u = rng.next_2d();
-            assert!((disk_to_square(square_to_disk(u)) - u).length() < 1e-5, "{u}");
-            assert!(
-                (cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)) - u).length() < 1e-5,
-                "{u}"
-            );
-        }
-    }
-
-    #[test]
-    fn the_cosine_density_is_the_one_stated() {
-        // E[1/p over the directions above 60 degrees elevation] is their solid angle, 2 pi (1 - cos
-        // 30 deg).
-        let mut rng = Rng::new(2);
-        let n = 200_000;
-        let sum: f64 = (0..n)
-            .map(|_| square_to_cosine_hemisphere(rng.next_2d()))
-            .filter(|w| w.z > 0.75_f32.sqrt())
-            .map(|w| 1.0 / f64::from(cosine_hemisphere_pdf(w)))
-            .sum();
-        let expected = 2.0 * std::f64::consts::PI * (1.0 - 0.75_f64.sqrt());
-        // Standard error 0.0034: beyond 5 sigma.
-        assert!((sum / f64::from(n) - expected).abs() < 0.018, "{} {expected}", sum / f64::from(n));
-    }
-}

@@ -3,9 +3,10 @@
 
 use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
 use super::points::{LONGEST_CHAIN, footprint};
-use super::{CameraSample, Gloss, Known, Shaded, Status, Surface};
+use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
-use crate::cache::{Cache, HitStorage, LobeCoefficients};
+use crate::cache::{Behind, Cache};
+use crate::gather::LobeCoefficients;
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
 use crate::sampling::Sampler;
@@ -17,7 +18,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct CachedIntegrator<'a> {
     tracer: PathTracer<'a>,
     cache: &'a Cache,
-    gloss: Option<Gloss<'a>>,
+    behind: Behind<'a>,
+    lobes: Option<CachedLobes<'a>>,
     interpolate_ns: AtomicU64,
     direct_ns: AtomicU64,
 }
@@ -59,12 +61,13 @@ struct Pending {
 }
 
 impl<'a> CachedIntegrator<'a> {
-    /// Shading by `cache`, whose levels are filled, and by `gloss`.
-    pub fn new(tracer: PathTracer<'a>, cache: &'a Cache, gloss: Option<Gloss<'a>>) -> Self {
+    /// Shading by `cache`, whose levels are filled; its radiance records answer for `lobes`.
+    pub fn new(tracer: PathTracer<'a>, cache: &'a Cache, lobes: Option<CachedLobes<'a>>) -> Self {
         Self {
             tracer,
             cache,
-            gloss,
+            behind: cache.behind(0),
+            lobes,
             interpolate_ns: AtomicU64::new(0),
             direct_ns: AtomicU64::new(0),
         }
@@ -268,8 +271,8 @@ impl<'a> CachedIntegrator<'a> {
     }
 
     /// Where the paths that go on from visible surfaces may end.
-    fn known(&self) -> Known<'_> {
-        Known { irradiance: self.cache, gloss: self.gloss }
+    fn known(&self) -> IndirectLight<'_> {
+        IndirectLight { records: &self.behind, lobes: self.lobes }
     }
 
     /// The level that a surface behind `bounces` mirrors is looked up on.
@@ -298,15 +301,15 @@ impl<'a> CachedIntegrator<'a> {
         }
         out.gloss = Status::Traced;
         let albedo = out.surface.filter(|_| bounces == 0).map(|s| s.albedo);
-        let gloss = self.gloss.as_ref()?;
+        let (lobes, projector) = (self.lobes?, self.cache.projector()?);
         let level = self.level(bounces);
-        let records = gloss.level(level)?;
+        let records = self.cache.level(level)?.radiance()?;
         let limit = if level == 0 { limit } else { u32::MAX };
-        let answer = if records.hit_storage() == HitStorage::None {
-            lobe.order = gloss.service.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
-            records.lookup(&v.point, limit, lobe)
+        let answer = if projector.hits().are_kept() {
+            self.tracer.reflect_hits(v, limit, (records, projector.hits()), self.known())
         } else {
-            self.tracer.reflect_hits(v, limit, records, self.known())
+            lobe.order = lobes.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
+            records.lookup_lobe(projector, &v.point, limit, lobe)
         };
         out.lookups += 1;
         let Some(answer) = answer else {

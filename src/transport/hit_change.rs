@@ -8,7 +8,7 @@
 //! the sum itself, so that the expected value is the change of the glossy reflection. No ray is
 //! traced. What a delta lobe shows moves in another way and is left out.
 
-use super::Gloss;
+use super::IndirectLight;
 use super::path::{Reflected, Sampled, Step, Vertex};
 use crate::accel::Ray;
 use crate::gather::HitChange;
@@ -69,14 +69,14 @@ impl<'a> Views<'a> {
 
     /// The change of what is reflected without a shadow ray: cached light, and the light `next`
     /// that the sampled direction of `step` brings, both as they arrive. Where records have told
-    /// what glossy lobes reflect, those of `gloss` on the level of the hit are asked again for
-    /// other directions: their product with the lobe is known in all of them, and without noise
+    /// what glossy lobes reflect, those on the level of the hit are asked again for other
+    /// directions: their product with the lobe is known in all of them, and without noise
     /// [Zhao, Eq. 3.46-3.48].
-    pub fn of_step(&self, step: &Step, next: Color, gloss: Option<(Gloss, u8)>) -> Change {
+    pub fn of_step(&self, step: &Step, next: Color, (known, level): (IndirectLight, u8)) -> Change {
         let bsdf = &self.vertex.bsdf;
         let mut cached = self.relative(step.cached.diffuse, |wo| bsdf.diffuse_albedo(wo));
-        if let Some((gloss, level)) = gloss.filter(|_| step.sampled == Sampled::Nothing) {
-            let seen = |wo: Vec3| gloss.seen_from(level, self.vertex, wo);
+        if step.sampled == Sampled::Nothing {
+            let seen = |wo: Vec3| known.seen_from(level, self.vertex, wo);
             for (sum, [ahead, behind]) in cached.iter_mut().zip(self.beside) {
                 if let (Some(ahead), Some(behind)) = (seen(ahead), seen(behind)) {
                     *sum += (ahead - behind) / (2.0 * self.step);

@@ -5,21 +5,23 @@ mod bdpt;
 mod cached;
 mod direct;
 mod hit_change;
+mod lobes;
 mod outgoing;
 mod path;
 mod points;
 mod probe;
 mod reflector;
-mod service;
 mod stored_hits;
+mod world;
 
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
+pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
 pub use path::{Origin, PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use service::{Gloss, Known, Service};
+pub use world::{Look, SceneWorld};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};

@@ -1,8 +1,10 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
-use super::Known;
 use super::path::{PathTracer, Sampled, Start, Vertex};
+use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
+use crate::cache::Cache;
+use crate::gather::LobeCoefficients;
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
 use crate::math::Color;
@@ -26,20 +28,30 @@ impl PathTracer<'_> {
     }
 
     /// Radiance towards `at.wo` of indirect light that the lobes of finite width other than the
-    /// diffuse one reflect: from radiance records of the first level where those serve them, else
-    /// by `samples` paths that end where light is `known`; what the first segment of a path
-    /// sees shine is direct light and left out. `None` if no surface passes through the point.
+    /// diffuse one reflect: from radiance records of the first level of `cache` where `lobes` are
+    /// cached, else by `samples` paths that end in `cache`. What the first segment of a path sees
+    /// shine is direct light and left out. `None` if no surface passes through the point.
     pub fn glossy_indirect(
         &self,
         at: &SurfacePoint,
         samples: u32,
         seed: u64,
-        known: Known,
+        cache: &Cache,
+        lobes: Option<CachedLobes>,
     ) -> Option<Color> {
         let vertex = self.surface_at(at, seed)?;
-        if let Some(answer) = known.gloss.and_then(|g| g.first(&vertex)) {
-            return Some(answer.glossy);
+        let (point, bsdf) = (&vertex.point, &vertex.bsdf);
+        if let Some(lobes) = lobes.filter(|_| !bsdf.is_delta_only()) {
+            let mut lobe = LobeCoefficients::default();
+            if let Some(order) = lobes.project(point, bsdf, None, &mut lobe.values) {
+                lobe.order = order;
+                if let Some(answer) = cache.lookup_lobe(0, point, u32::MAX, &mut lobe) {
+                    return Some(answer.glossy);
+                }
+            }
         }
+        let behind = cache.behind(0);
+        let known = IndirectLight { records: &behind, lobes };
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);

@@ -1,6 +1,6 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
-use super::{CameraSample, Known, Radiance, Shaded, Surface};
+use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
@@ -168,7 +168,7 @@ impl PathTracer<'_> {
         start: &Start,
         sampler: &mut Sampler,
         seed: u64,
-        known: Option<Known>,
+        known: Option<IndirectLight>,
     ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
@@ -262,7 +262,7 @@ impl PathTracer<'_> {
         v: &Vertex,
         sampler: &mut Sampler,
         bounces: u32,
-        known: Option<Known>,
+        known: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
         let (cached, sampled) = match known

@@ -1,7 +1,7 @@
 //! Where records are needed: the surface points that the camera sees, and those that light reaches
 //! them from.
 
-use super::Service;
+use super::CachedLobes;
 use super::path::reflected;
 use super::path::{PathTracer, Sampled, Vertex};
 use crate::accel::Ray;
@@ -57,28 +57,16 @@ impl PathTracer<'_> {
         Some((v.point, bounces))
     }
 
-    /// What `camera` sees of the points of [`PathTracer::first_diffuse`], `None` where there is
-    /// none. Direct light comes from a few samples of the lights at each point, and
-    /// from what the surface emits itself; `pixels` holds the camera rays and their seeds.
-    pub fn appearances(
-        &self,
-        pixels: &[(CameraRay, u64)],
-    ) -> Vec<Option<(SurfacePoint, Appearance)>> {
-        self.views(pixels, None)
-            .into_iter()
-            .map(|seen| seen.map(|(point, _, appearance)| (point, appearance)))
-            .collect()
-    }
-
-    /// As [`PathTracer::appearances`] for the points of [`PathTracer::first_cached`], with their
-    /// BSDFs.
+    /// What cameras see of the points of [`PathTracer::first_cached`], `None` where there is none.
+    /// Direct light comes from a few samples of the lights at each point, and from what the surface
+    /// emits itself; `pixels` holds the camera rays and their seeds.
     pub fn views(
         &self,
         pixels: &[(CameraRay, u64)],
-        service: Option<&Service>,
+        lobes: Option<CachedLobes>,
     ) -> Vec<Option<View>> {
         let vertex = |(camera, seed): &(CameraRay, u64)| {
-            Some((self.first_usable(camera, *seed, service)?, *seed))
+            Some((self.first_usable(camera, *seed, lobes)?, *seed))
         };
         pixels
             .par_chunks(APPEARANCES)
@@ -154,10 +142,10 @@ impl PathTracer<'_> {
         &self,
         camera: &CameraRay,
         seed: u64,
-        service: Option<&Service>,
+        lobes: Option<CachedLobes>,
     ) -> Option<(SurfacePoint, u8, bool)> {
-        let Vertex { point, bsdf } = self.first_usable(camera, seed, service)?;
-        Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
+        let Vertex { point, bsdf } = self.first_usable(camera, seed, lobes)?;
+        Some((point, radiance_order(lobes, &point, &bsdf), bsdf.has_diffuse()))
     }
 
     /// The surface that passes through `at`, which only tells where that is and from where it is
@@ -166,10 +154,10 @@ impl PathTracer<'_> {
         &self,
         at: &SurfacePoint,
         seed: u64,
-        service: Option<&Service>,
+        lobes: Option<CachedLobes>,
     ) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.surface_at(at, seed)?;
-        Some((point, radiance_order(service, &point, &bsdf), bsdf.has_diffuse()))
+        Some((point, radiance_order(lobes, &point, &bsdf), bsdf.has_diffuse()))
     }
 
     /// The first surface that records of any kind can serve.
@@ -177,10 +165,10 @@ impl PathTracer<'_> {
         &self,
         camera: &CameraRay,
         seed: u64,
-        service: Option<&Service>,
+        lobes: Option<CachedLobes>,
     ) -> Option<Vertex> {
         let usable = |point: &SurfacePoint, bsdf: &Bsdf| {
-            bsdf.has_diffuse() || radiance_order(service, point, bsdf) > 0
+            bsdf.has_diffuse() || radiance_order(lobes, point, bsdf) > 0
         };
         Some(self.first_vertex(camera, seed, usable)?.0)
     }
@@ -216,25 +204,15 @@ impl PathTracer<'_> {
         None
     }
 
-    /// Points with a diffuse lobe that cosine-distributed rays from `points` meet: `count` rays,
-    /// spread evenly over the points.
+    /// The points with a diffuse lobe, or with glossy lobes that are cached, which cosine-distributed
+    /// rays from `points` meet: `count` rays, spread evenly over the points. With each point comes
+    /// the number of bands of its radiance record, 0 where none is wanted.
     pub fn next_points(
         &self,
         points: &[SurfacePoint],
         count: usize,
         seed: u64,
-    ) -> Vec<SurfacePoint> {
-        self.next_cached(points, count, seed, None).into_iter().map(|(point, _)| point).collect()
-    }
-
-    /// As [`PathTracer::next_points`], points with a diffuse lobe or with gloss that radiance
-    /// records serve, with the number of bands of those records, 0 where there is no use for them.
-    pub fn next_cached(
-        &self,
-        points: &[SurfacePoint],
-        count: usize,
-        seed: u64,
-        service: Option<&Service>,
+        lobes: Option<CachedLobes>,
     ) -> Vec<(SurfacePoint, u8)> {
         if points.is_empty() {
             return Vec::new();
@@ -252,15 +230,15 @@ impl PathTracer<'_> {
                 let (mut point, _) = self.scene.intersect(&self.scene.spawn(from, dir), words)?;
                 let bsdf = self.scene.shade(&mut point);
                 point.footprint = DEEPER_FOOTPRINT * self.scene.size();
-                let order = radiance_order(service, &point, &bsdf);
+                let order = radiance_order(lobes, &point, &bsdf);
                 (bsdf.has_diffuse() || order > 0).then_some((point, order))
             })
             .collect()
     }
 }
 
-fn radiance_order(service: Option<&Service>, point: &SurfacePoint, bsdf: &Bsdf) -> u8 {
-    service.and_then(|s| s.record_order(point, bsdf)).unwrap_or(0)
+fn radiance_order(lobes: Option<CachedLobes>, point: &SurfacePoint, bsdf: &Bsdf) -> u8 {
+    lobes.and_then(|s| s.record_order(point, bsdf)).unwrap_or(0)
 }
 
 /// A seed that belongs to the place.

@@ -5,11 +5,10 @@ use super::bdpt::LightPaths;
 use super::direct::LightPoints;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start, Vertex};
-use super::{Gloss, Known};
+use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
-use crate::material::tables::GlossyTables;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
 use std::sync::OnceLock;
@@ -19,8 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// seen in a mirror.
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
-    tables: Option<&'a GlossyTables>,
-    gloss: Option<Gloss<'a>>,
+    lobes: Option<CachedLobes<'a>>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
     counts: Counts,
@@ -47,26 +45,13 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self {
-            tracer,
-            tables: None,
-            gloss: None,
-            light_paths: OnceLock::new(),
-            counts: Counts::default(),
-        }
+        Self { tracer, lobes: None, light_paths: OnceLock::new(), counts: Counts::default() }
     }
 
-    /// The same probe with the lobes of the scene's materials in harmonics, for gathers that ask
-    /// for [`HitChange::Harmonics`].
+    /// The same probe with the lobes that radiance records answer for.
     #[must_use]
-    pub fn with_tables(self, tables: Option<&'a GlossyTables>) -> Self {
-        Self { tables, ..self }
-    }
-
-    /// The same probe with what is known of the light that glossy lobes at its hits reflect.
-    #[must_use]
-    pub fn with_gloss(self, gloss: Option<Gloss<'a>>) -> Self {
-        Self { gloss, ..self }
+    pub fn with_lobes(self, lobes: Option<CachedLobes<'a>>) -> Self {
+        Self { lobes, ..self }
     }
 
     /// What has been traced so far.
@@ -106,7 +91,8 @@ impl RadianceProbe for SceneProbe<'_> {
             bundle.change = [0, 1].map(|_| vec![Color::ZERO; bundle.len()]);
         }
         let mut paths = 0;
-        let known = Known { irradiance: deeper, gloss: self.gloss };
+        let known = IndirectLight { records: deeper, lobes: self.lobes };
+        let tables = self.lobes.map(|l| l.tables);
         for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
             let seed = hash(&[bundle.seed, k as u64]);
             let Some((mut point, distance)) = scene.resolve(ray, *hit, seed) else {
@@ -132,7 +118,7 @@ impl RadianceProbe for SceneProbe<'_> {
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(known));
-            let views = Views::new(bundle.hit_change, self.tables, from, &vertex, distance);
+            let views = Views::new(bundle.hit_change, tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
                 let change =
                     views.as_ref().map(|v| v.of_light(&shadow, &reflected).map(|c| through * c));
@@ -152,7 +138,7 @@ impl RadianceProbe for SceneProbe<'_> {
                     bundle,
                     k,
                     views
-                        .of_step(&step, followed, self.gloss.map(|g| (g, level.saturating_add(1))))
+                        .of_step(&step, followed, (known, level.saturating_add(1)))
                         .map(|c| through * c),
                 );
             }

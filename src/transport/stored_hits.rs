@@ -1,10 +1,10 @@
 //! Glossy reflection of the hits that records keep: slow, without harmonics and derivatives, to see
 //! what those are worth.
 
+use super::IndirectLight;
 use super::path::{PathTracer, Start, Vertex};
 use super::points::position_hash;
-use super::service::Known;
-use crate::cache::{HitStorage, RadianceAnswer, RadianceCache};
+use crate::cache::{Answer, Harmonics, Hits, Store};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
@@ -13,7 +13,7 @@ use crate::sampling::{Sampler, hash};
 impl PathTracer<'_> {
     /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the
     /// first level sees it: its indirect light where it is `known`, no emission.
-    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, known: Known) -> Color {
+    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, known: IndirectLight) -> Color {
         let plain = SurfacePoint::plain(hit.position, hit.normal);
         let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else {
             return Color::ZERO;
@@ -34,18 +34,18 @@ impl PathTracer<'_> {
         if radiance.is_finite() { radiance } else { Color::ZERO }
     }
 
-    /// The glossy reflection at `v` of the hits that `records` keep; with [`HitStorage::Traced`]
-    /// the light that leaves each of them towards `v` is found anew.
+    /// The glossy reflection at `v` of the hits that `records` keep as `storage` says; with
+    /// [`Hits::Retraced`] the light that leaves each of them towards `v` is found anew.
     pub(super) fn reflect_hits(
         &self,
         v: &Vertex,
         limit: u32,
-        records: &RadianceCache,
-        known: Known,
-    ) -> Option<RadianceAnswer> {
+        (records, storage): (&Store<Harmonics>, Hits),
+        known: IndirectLight,
+    ) -> Option<Answer> {
         let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
-        let traced = records.hit_storage() == HitStorage::Traced && self.max_bounces > 0;
+        let traced = storage == Hits::Retraced && self.max_bounces > 0;
         let mut number = 0;
         records.lookup_hits(&v.point, limit, |hit, direction, solid_angle| {
             number += 1;

@@ -8,7 +8,8 @@ fn answers_equal_those_of_the_rust_api() {
     let mut data = lumicache::import::gltf(Path::new(&file), &Default::default()).unwrap();
     data.cameras.clear();
     let scene = Scene::new(data, Backend::default()).unwrap().0;
-    let scheme = lumicache::cache::Scheme { rays: 64, ..Preset::by_name("auto").unwrap().scheme() };
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.gather.rays = 64;
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
     let mut expected = Cache::new(scheme, u32::MAX, scene.size());
 
@@ -27,11 +28,10 @@ fn answers_equal_those_of_the_rust_api() {
         .build()
         .unwrap();
     pool.install(|| {
-        let first = LevelPoints::scattered(surfaces.clone(), seed);
-        let second = LevelPoints {
-            points: tracer.next_points(&first.points, 500, hash(&[seed, 2, 1])),
-            round: 0,
-        };
+        let first = LevelPoints::from(scattered(&surfaces, seed));
+        let found = tracer.next_points(&first.points, 500, hash(&[seed, 2, 1]), None);
+        let second: Vec<_> = found.into_iter().map(|(point, _)| point).collect();
+        let second = LevelPoints::from(second);
         let probe = SceneProbe::new(tracer);
         expected.fill(&probe, 1, &second, seed, &Progress::default()).unwrap();
         expected.fill(&probe, 0, &first, seed, &Progress::default()).unwrap();
@@ -301,7 +301,7 @@ fn a_build_can_be_cancelled() {
     let d = device("");
     let s = loaded(&d, "indirect-room");
     let c = cache(&s);
-    set(c.0, "rays", 100_000);
+    set(c.0, "gather.rays", 100_000);
     let calls = AtomicU32::new(0);
     ok(unsafe { lumi_cache_set_progress(c.0, Some(watch), (&raw const calls).cast_mut().cast()) });
     fails(build(c.0, &seen(&s, 2000)), LUMI_ERROR_CANCELLED, "cancelled");

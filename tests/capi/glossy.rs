@@ -24,7 +24,7 @@ fn looked(scene: &SceneHandle, count: usize) -> Looked {
 fn built(scene: &SceneHandle, preset: &str, looked: &Looked, with_wo: bool) -> CacheHandle {
     let mut c = null_mut();
     ok(unsafe { lumi_cache_new(scene.0, text(preset).as_ptr(), &raw mut c) });
-    set(c, "rays", 1024);
+    set(c, "gather.rays", 1024);
     set(c, "levels", 2);
     let wo = if with_wo { looked.wo.as_ptr().cast() } else { null() };
     let seeds = lumi_query { wo, ..query_of(&looked.points) };
@@ -110,7 +110,7 @@ fn presets_are_whole_here_too() {
     let mut c = null_mut();
     ok(unsafe { lumi_cache_new(s.0, text("krivanek06").as_ptr(), &raw mut c) });
     let plain = CacheHandle(c);
-    set(c, "rays", 1024);
+    set(c, "gather.rays", 1024);
     set(c, "levels", 2);
     ok(unsafe { lumi_cache_set_str(c, text("refinement").as_ptr(), text("none").as_ptr()) });
     ok(build(c, &looked.points));

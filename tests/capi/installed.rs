@@ -5,7 +5,7 @@
 //! are skipped.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, LevelPoints, Preset, Scheme};
+use lumicache::cache::{Cache, LevelPoints, Preset, scattered};
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Vec3};
@@ -169,7 +169,8 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
     );
 
     let scene = box_of_host_c();
-    let scheme = Scheme { rays: 256, ..Preset::by_name("auto").unwrap().scheme() };
+    let mut scheme = Preset::by_name("auto").unwrap().scheme();
+    scheme.gather.rays = 256;
     let n = Vec3::Y;
     let point = |i: usize| {
         let position =
@@ -185,11 +186,10 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
         .build()
         .unwrap();
     pool.install(|| {
-        let first = LevelPoints::scattered(points.clone(), 0);
-        let second = LevelPoints {
-            points: tracer.next_points(&first.points, 16_384, hash(&[0, 2, 1])),
-            round: 0,
-        };
+        let first = LevelPoints::from(scattered(&points, 0));
+        let found = tracer.next_points(&first.points, 16_384, hash(&[0, 2, 1]), None);
+        let second: Vec<_> = found.into_iter().map(|(point, _)| point).collect();
+        let second = LevelPoints::from(second);
         let probe = SceneProbe::new(tracer);
         cache.fill(&probe, 1, &second, 0, &Progress::default()).unwrap();
         cache.fill(&probe, 0, &first, 0, &Progress::default()).unwrap();

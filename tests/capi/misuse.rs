@@ -148,11 +148,15 @@ fn cache_calls(x: &Sound) -> Vec<Call<'_>> {
         ("lumi_cache_release", Box::new(|h| none(|| unsafe { lumi_cache_release(h.cast()) }))),
         (
             "lumi_cache_set_f32",
-            Box::new(|h| Some(unsafe { lumi_cache_set_f32(h.cast(), c"error".as_ptr(), 0.3) })),
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_set_f32(h.cast(), c"validity.error".as_ptr(), 0.3) })
+            }),
         ),
         (
             "lumi_cache_set_i32",
-            Box::new(|h| Some(unsafe { lumi_cache_set_i32(h.cast(), c"rays".as_ptr(), 64) })),
+            Box::new(|h| {
+                Some(unsafe { lumi_cache_set_i32(h.cast(), c"gather.rays".as_ptr(), 64) })
+            }),
         ),
         (
             "lumi_cache_set_str",
@@ -387,7 +391,7 @@ fn things_done_in_the_wrong_order() {
     );
     for value in [f32::NAN, f32::INFINITY, -1.0] {
         fails(
-            unsafe { lumi_cache_set_f32(c.0, c"error".as_ptr(), value) },
+            unsafe { lumi_cache_set_f32(c.0, c"validity.error".as_ptr(), value) },
             LUMI_ERROR_INVALID_ARGUMENT,
             "error",
         );
@@ -412,7 +416,7 @@ fn things_done_in_the_wrong_order() {
         LUMI_ERROR_INVALID_ARGUMENT,
         "preset",
     );
-    ok(unsafe { lumi_cache_set_str(c.0, c"metric".as_ptr(), c"minimum".as_ptr()) });
+    ok(unsafe { lumi_cache_set_str(c.0, c"radius.metric".as_ptr(), c"minimum".as_ptr()) });
     // Light without bounces: nothing to find, and nothing missing.
     set(c.0, "max_bounces", 0);
     let points = seen(&s, 20);

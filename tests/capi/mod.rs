@@ -2,7 +2,7 @@
 //! files, threads.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, LevelPoints, Preset};
+use lumicache::cache::{Cache, LevelPoints, Preset, scattered};
 use lumicache::capi::*;
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::Vec3;

@@ -175,7 +175,7 @@ fn frames_share_records() {
     let data = own("glossy-walk");
     let scene = build(data);
     let mut scheme = cached(&scene, "krivanek05", [48, 48], 4).scheme;
-    scheme.rays = 128;
+    scheme.gather.rays = 128;
     let run = |threads: usize| {
         let job = Job::new(&scene).scheme(scheme.clone()).size(48, 48).spp(4);
         let cameras = job.cameras(Frames { first: 0, last: 3 }, 24.0).unwrap();
@@ -190,8 +190,8 @@ fn frames_share_records() {
         let sequence =
             workers(threads).unwrap().install(|| job.run_sequence(&cameras, take)).unwrap();
         let growth: Vec<_> = sequence.costs.into_iter().map(|cost| cost.growth).collect();
-        let frame = sequence.last.frame;
-        let records = frame.cache.unwrap().record_count() + frame.gloss.unwrap().record_count();
+        let cache = sequence.last.frame.caches.unwrap().cache;
+        let records = cache.record_count() + cache.radiance_record_count();
         (growth, records, pictures)
     };
     let (growth, records, pictures) = run(2);

@@ -40,7 +40,8 @@ fn threads_do_not_change_a_byte() {
             ["ward88", "tabellion04", "krivanek05", "krivanek06", "aric11", "zhao-view", "auto"]
         {
             let mut settings = cached(&scene, preset, SIZE, 2);
-            (settings.scheme.rays, settings.scheme.error) = (64, 2.0 * settings.scheme.error);
+            (settings.scheme.gather.rays, settings.scheme.validity.error) =
+                (64, 2.0 * settings.scheme.validity.error);
             all.push((preset, settings));
         }
         for (what, settings) in all {

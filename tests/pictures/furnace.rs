@@ -11,7 +11,7 @@
 
 use crate::support::pictures::{build, cached, fill, render, seen, settings};
 use crate::support::rooms::*;
-use lumicache::cache::{Cache, LevelPoints, Metric, PRESETS, Reach, Record};
+use lumicache::cache::{Cache, Irradiance, LevelPoints, Metric, PRESETS, RadiusRule, Record};
 use lumicache::light::EnvironmentMap;
 use lumicache::material::Material;
 use lumicache::math::{Color, Frame as Basis, Mat3, PI, Vec2, luminance};
@@ -65,15 +65,15 @@ fn the_path_tracer_sees_the_whole_series() {
 #[test]
 fn every_preset_sees_the_whole_series() {
     let scene = furnace(diffuse());
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         for max_bounces in [0, 2, u32::MAX] {
-            let mut settings = Settings { max_bounces, ..cached(&scene, preset.name, SIZE, 16) };
-            settings.scheme.rays = settings.scheme.rays.min(256);
+            let mut settings = Settings { max_bounces, ..cached(&scene, &preset.name, SIZE, 16) };
+            settings.scheme.gather.rays = settings.scheme.gather.rays.min(256);
             let frame = render(&scene, &settings);
             let what = format!("{}, {max_bounces} bounces", preset.name);
             // Direct light comes from light samples alone here, 16 to a pixel: 3 % at best.
             assert_uniform(&what, &frame, expected(max_bounces), 0.25, 0.01);
-            let cache = frame.cache.as_ref().unwrap();
+            let cache = &frame.caches.as_ref().unwrap().cache;
             assert_eq!(
                 u32::from(cache.level_count()),
                 u32::from(settings.scheme.levels).min(max_bounces),
@@ -91,12 +91,12 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         let what = format!("{what}, level {k}");
         let expected =
             PI * EMISSION * (series((max_bounces - u32::from(k)).saturating_add(1)) - Color::ONE);
-        let records = cache.level(k).unwrap().records();
+        let records = cache.records(k);
         assert!(!records.is_empty(), "{what} is empty");
         let count = records.len() as f32;
         let root = (cache.scheme().layout(k).rays() as f32).sqrt();
 
-        let errors = records.iter().map(|r| r.irradiance / expected - Color::ONE);
+        let errors = records.iter().map(|r| r.payload.irradiance / expected - Color::ONE);
         let spread = (errors.clone().map(|e| e.length_squared() / 3.0).sum::<f32>() / count).sqrt();
         assert!(spread * root < 0.6, "{what}: irradiance is spread by {spread}");
         let off = average(errors).abs().max_element();
@@ -111,11 +111,13 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         // walls. Metrics that estimate an error have lengths that are distances only after
         // they are scaled by it.
         let scheme = cache.scheme();
-        let distances =
-            matches!(scheme.metric, Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted);
+        let distances = matches!(
+            scheme.radius.metric,
+            Metric::Harmonic | Metric::Minimum | Metric::MinimumRestricted
+        );
         let scale = if distances { 1.0 } else { scheme.radius_scale(k) };
-        let gradients = |matrix: &dyn Fn(&Record) -> (Mat3, f32)| -> Vec<Vec2> {
-            let relative = |r: &Record| {
+        let gradients = |matrix: &dyn Fn(&Record<Irradiance>) -> (Mat3, f32)| -> Vec<Vec2> {
+            let relative = |r: &Record<Irradiance>| {
                 let (frame, (m, length)) = (Basis::from_normal(r.normal), matrix(r));
                 Vec2::new(luminance(m * frame.s), luminance(m * frame.t))
                     * (length / luminance(expected))
@@ -123,8 +125,8 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
             records.iter().map(relative).collect()
         };
         for (kind, gradients) in [
-            ("rotation", gradients(&|r| (r.rotation, 1.0))),
-            ("translation", gradients(&|r| (r.translation, scale * r.length_unclamped))),
+            ("rotation", gradients(&|r| (r.payload.rotation, 1.0))),
+            ("translation", gradients(&|r| (r.payload.translation, scale * r.length_unclamped))),
         ] {
             // The rotational gradient has no finite variance: a ray close to the horizon counts by
             // the tangent of its angle. Hence the median.
@@ -196,22 +198,21 @@ fn a_uniform_sky_gives_pi_times_its_radiance() {
 #[test]
 fn a_record_that_sees_nothing_reaches_as_far_as_it_may() {
     let scene = open_sky();
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], SIZE, 0), round: 0 };
-    for preset in PRESETS {
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], SIZE, 0));
+    for preset in PRESETS.iter() {
         let scheme = preset.scheme();
         let (cache, _) = fill(&scene, scheme.clone(), &points);
-        let level = cache.level(0).unwrap();
-        let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0);
-        for r in level.records() {
+        let reach = RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0);
+        for r in cache.records(0) {
             assert_eq!(
-                (r.irradiance, r.rotation, r.translation),
+                (r.payload.irradiance, r.payload.rotation, r.payload.translation),
                 (Color::ZERO, Mat3::ZERO, Mat3::ZERO),
                 "{}",
                 preset.name
             );
-            let mut longest = scheme.max_radius * scene.size();
-            if scheme.max_pixels > 0.0 {
-                longest = longest.min(scheme.max_pixels * r.footprint);
+            let mut longest = scheme.radius.max_radius * scene.size();
+            if scheme.radius.max_pixels > 0.0 {
+                longest = longest.min(scheme.radius.max_pixels * r.footprint);
             }
             assert_eq!(reach.radius(r.length, r.footprint).0, longest, "{}", preset.name);
         }

@@ -95,9 +95,9 @@ fn presets_come_near_the_path_tracer() {
         for (a, b) in reference.channels.iter_mut().zip(&other.channels) {
             a.samples.iter_mut().zip(&b.samples).for_each(|(a, b)| *a = 0.5 * (*a + b));
         }
-        for preset in PRESETS {
-            let mut settings = cached(&scene, preset.name, size, 8);
-            settings.scheme.rays = settings.scheme.rays.min(256);
+        for preset in PRESETS.iter() {
+            let mut settings = cached(&scene, &preset.name, size, 8);
+            settings.scheme.gather.rays = settings.scheme.gather.rays.min(256);
             let image = blocks(&beauty(&render(&scene, &settings)), 4);
             assert_alike(
                 &format!("{name} {}", preset.name),

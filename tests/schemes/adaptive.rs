@@ -1,11 +1,13 @@
 //! Adaptive caching: the two conditions of full convergence, what the allowed errors follow, and
 //! what it costs.
 
-use crate::support::pictures::{build, cached, own, render, scheme};
+use crate::support::pictures::{build, cached, one_level, own, render, scheme};
 use crate::support::refined::*;
-use lumicache::cache::{Appearance, Cache, LevelPoints, Reach, Record, Refinement, Scheme};
+use lumicache::cache::{
+    Appearance, Appearances, Cache, Irradiance, LevelPoints, RadiusRule, RefinementRule,
+};
 use lumicache::film::LAYERS;
-use lumicache::gather::{Bundle, Deeper, HemisphereSamples, RadianceProbe};
+use lumicache::gather::{Bundle, Deeper, Density, HemisphereSamples, NoDeeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, luminance};
 use lumicache::progress::Progress;
@@ -27,8 +29,8 @@ struct Verdict {
 
 fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) -> Verdict {
     let scheme = cache.scheme();
-    let reach = Reach::new(scheme, 0, cache.scene_size(), 1.0);
-    let tolerance = scheme.in_front_test.then_some(1e-4 * cache.scene_size());
+    let reach = RadiusRule::new(scheme, 0, cache.scene_size(), 1.0);
+    let tolerance = 1e-4 * cache.scene_size();
     let mut verdict = Verdict::default();
     for (at, look) in points.iter().zip(appearance) {
         let mut valid = Vec::new();
@@ -37,13 +39,13 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
             if (at.position - r.position).length() > radius {
                 continue;
             }
-            let share = r.error / scheme.error;
-            if let Some(e) = r.error_at(&reach, at, tolerance).filter(|e| *e < share) {
-                let weight = scheme.weight.at(e / share, 1.0 / share);
-                let light = luminance(look.reflectance * r.irradiance_at(&reach, at));
+            let share = r.error / scheme.validity.error;
+            if let Some(e) = reach.error_of(r, at, tolerance).filter(|e| *e < share) {
+                let weight = scheme.validity.weight.at(e / share, 1.0 / share);
+                let light = luminance(look.reflectance * extrapolated(r, &reach, at));
                 // The floor: a_min, or where the record is as wide as pixels allow.
-                let floor = (scheme.error_min / scheme.error)
-                    .max(scheme.min_pixels * r.footprint / radius)
+                let floor = (scheme.error_min() / scheme.validity.error)
+                    .max(scheme.radius.min_pixels * r.footprint / radius)
                     .min(1.0);
                 valid.push((
                     weight,
@@ -72,15 +74,23 @@ fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) ->
                 let (without, other) = mean(k);
                 // Rounding may tip what is undecided.
                 (all - without).abs()
-                    > 1.0001 * (scheme.contrast * (all + look.direct) + sigma.max(other))
+                    > 1.0001
+                        * (scheme.refinement.unwrap_or_default().contrast * (all + look.direct)
+                            + sigma.max(other))
             })
             .collect();
         let nearest = (0..valid.len()).max_by(|a, b| valid[*a].0.total_cmp(&valid[*b].0)).unwrap();
-        let spared = |k: usize| k == nearest && scheme.refinement == Refinement::WeberNearest;
+        let spared = |k: usize| {
+            k == nearest
+                && scheme.refinement.is_some_and(|r| r.rule == RefinementRule::WeberNearest)
+        };
         // The nearest one may differ alone: then another must go that differs from it.
         let apart = |k: usize| {
             let (a, b) = (&valid[k], &valid[nearest]);
-            (a.1 - b.1).abs() > 1.0001 * (scheme.contrast * (all + look.direct) + a.2.max(b.2))
+            (a.1 - b.1).abs()
+                > 1.0001
+                    * (scheme.refinement.unwrap_or_default().contrast * (all + look.direct)
+                        + a.2.max(b.2))
         };
         let removable = |k: usize| {
             valid[k].3
@@ -124,15 +134,15 @@ fn levels_converge_fully() {
             assert!(v.uncovered == 0 && v.visible == 0, "{name}, {preset}: {v:?}");
             assert!(stats.passes <= 15 && stats.reductions > 0, "{name}, {preset}: {stats:?}");
             // Before refinement the conditions do not hold: the test can fail.
-            let points = LevelPoints { points: r.points.clone(), round: 0 };
-            let mut cache =
-                Cache::new(Scheme { levels: 1, ..quick(preset) }, u32::MAX, scene.size());
+            let points = LevelPoints::from(r.points.clone());
+            let mut cache = Cache::new(one_level(quick(preset)), u32::MAX, scene.size());
             cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
             assert!(verdict(&cache, &r.points, &r.appearance).visible > 20, "{name}, {preset}");
             for record in r.records() {
                 let scheme = r.cache.scheme();
                 assert!(
-                    record.error >= 0.9999 * scheme.error_min && record.error <= scheme.error,
+                    record.error >= 0.9999 * scheme.error_min()
+                        && record.error <= scheme.validity.error,
                     "{record:?}"
                 );
             }
@@ -146,17 +156,15 @@ fn lookups_respect_each_record_s_own_error() {
     for preset in ["krivanek06", "hmdic"] {
         let r = Refined::scene(&scene, quick(preset), [64, 64]);
         let (scheme, reach) =
-            (r.cache.scheme(), Reach::new(r.cache.scheme(), 0, scene.size(), 1.0));
+            (r.cache.scheme(), RadiusRule::new(r.cache.scheme(), 0, scene.size(), 1.0));
         let mut several = 0;
         for at in &r.points {
             let (mut sum, mut weights, mut allowed, mut count) = (Color::ZERO, 0.0, 0.0, 0);
             for x in r.records() {
-                let share = x.error / scheme.error;
-                if let Some(e) =
-                    x.error_at(&reach, at, Some(1e-4 * scene.size())).filter(|e| *e < share)
-                {
-                    let w = scheme.weight.at(e / share, 1.0 / share);
-                    sum += w * x.irradiance_at(&reach, at);
+                let share = x.error / scheme.validity.error;
+                if let Some(e) = reach.error_of(x, at, 1e-4 * scene.size()).filter(|e| *e < share) {
+                    let w = scheme.validity.weight.at(e / share, 1.0 / share);
+                    sum += w * extrapolated(x, &reach, at);
                     weights += w;
                     allowed += w * x.error;
                     count += 1;
@@ -216,24 +224,30 @@ fn refinement_costs_little_beside_gathering() {
         let timed = Timed { probe: SceneProbe::new(tracer), microseconds: AtomicU64::new(0) };
         let start = cpu_seconds();
         let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
-        let deeper = LevelPoints { points: tracer.next_points(&points, 16_384, 0), round: 0 };
-        let first = LevelPoints { points, round: 0 };
+        let deeper = LevelPoints::from(
+            tracer
+                .next_points(&points, 16_384, 0, None)
+                .into_iter()
+                .map(|(p, _)| p)
+                .collect::<Vec<_>>(),
+        );
+        let first = LevelPoints::from(points);
         cache.fill(&timed, 1, &deeper, 0, &Progress::default()).unwrap();
         cache.fill(&timed, 0, &first, 0, &Progress::default()).unwrap();
-        cache.converge(&timed, 0, &first.points, &appearance, 0, &Progress::default()).unwrap();
+        let appearances = Appearances { of_points: appearance, lobes: None };
+        cache.refine(&timed, 0, &first, &appearances, 0, &Progress::default()).unwrap();
         let all = cpu_seconds() - start;
         // What a record costs beside its rays: directions, estimates, gradients.
-        let records: u64 =
-            (0..2).map(|level| cache.level(level).unwrap().records().len() as u64).sum();
+        let records: u64 = (0..2).map(|level| cache.records(level).len() as u64).sum();
         let (start, idle) = (cpu_seconds(), Cache::new(scheme("krivanek06"), 0, scene.size()));
         let (constant, reach) = (
             Field { radiance: |_, _| 1.0, distance: 1.0 },
-            Reach::new(idle.scheme(), 0, scene.size(), 1.0),
+            RadiusRule::new(idle.scheme(), 0, scene.size(), 1.0),
         );
-        let mut samples = HemisphereSamples::new(idle.scheme().layout(0), idle.scheme().density);
+        let mut samples = HemisphereSamples::new(idle.scheme().layout(0), Density::Cosine);
         for at in &first.points[..256] {
-            samples.gather(&constant, at, 0, &idle, 0);
-            std::hint::black_box(Record::new(idle.scheme(), &reach, at, &samples, None));
+            samples.gather(&constant, at, 0, &NoDeeper, 0);
+            std::hint::black_box(Irradiance::gathered(idle.scheme(), &reach, at, &samples, None));
         }
         let estimates = (cpu_seconds() - start) / 256.0 * records as f64;
         (all, timed.microseconds.into_inner() as f64 * 1e-6 + estimates, looking)
@@ -256,7 +270,7 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
     let scene = build(own("slit-light"));
     let a = |preset: &str| {
         let mut settings = cached(&scene, preset, [64, 48], 2);
-        settings.scheme.rays = 256;
+        settings.scheme.gather.rays = 256;
         let picture = render(&scene, &settings);
         let answered = layer(&picture, "gi.records");
         let a: Vec<f32> = layer(&picture, "gi.a")
@@ -269,11 +283,14 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
         (a, settings.scheme)
     };
     let (constant, scheme) = a("ward-heckbert92");
-    assert!(constant.iter().all(|a| (a - scheme.error).abs() < 1e-5), "{constant:?}");
+    assert!(constant.iter().all(|a| (a - scheme.validity.error).abs() < 1e-5), "{constant:?}");
     let (map, scheme) = a("krivanek06");
     let (least, most) =
         map.iter().fold((f32::INFINITY, 0.0_f32), |(l, m), a| (l.min(*a), m.max(*a)));
-    assert!(least >= 0.999 * scheme.error_min && most <= 1.001 * scheme.error, "{least} to {most}");
+    assert!(
+        least >= 0.999 * scheme.error_min() && most <= 1.001 * scheme.validity.error,
+        "{least} to {most}"
+    );
     assert!(least < 0.5 * most, "{least} to {most}");
 }
 
@@ -282,20 +299,25 @@ fn bad_input_is_refused() {
     let scene = build(own("cornell-box"));
     let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
     let (points, appearance): (Vec<_>, Vec<_>) = seen(&scene, [4, 4]).into_iter().unzip();
-    let converge = |cache: &mut Cache, appearance: &[Appearance]| {
+    let points = LevelPoints::from(points);
+    let refine = |cache: &mut Cache, appearance: &[Appearance]| {
+        let appearances = Appearances { of_points: appearance.to_vec(), lobes: None };
         cache
-            .converge(&probe(&scene), 0, &points, appearance, 0, &Progress::default())
+            .refine(&probe(&scene), 0, &points, &appearances, 0, &Progress::default())
             .unwrap_err()
             .to_string()
     };
-    assert!(converge(&mut cache, &appearance).contains("before it is filled"));
-    assert!(converge(&mut cache, &appearance[1..]).contains("appearances"));
+    assert!(refine(&mut cache, &appearance).contains("before it is filled"));
+    cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
+    assert!(refine(&mut cache, &appearance[1..]).contains("appearances"));
     let mut scheme = scheme("ward88");
-    assert!(scheme.set("refinement", "weber").unwrap_err().to_string().contains("passes"));
-    scheme.set("passes", "2").unwrap();
-    scheme.set("refinement", "weber").unwrap();
-    assert_eq!(scheme.refinement, Refinement::Weber);
-    for (key, value) in [("error_min", "0"), ("contrast", "-1"), ("refinement", "more")] {
+    let weber = ("refinement.rule", "weber");
+    assert!(scheme.set_all([weber]).unwrap_err().to_string().contains("schedule"));
+    scheme.set_all([weber, ("schedule", "scanline")]).unwrap();
+    assert_eq!(scheme.refinement.unwrap().rule, RefinementRule::Weber);
+    for (key, value) in
+        [("refinement.error_min", "0"), ("refinement.contrast", "-1"), ("refinement.rule", "more")]
+    {
         assert!(scheme.set(key, value).unwrap_err().to_string().contains(key));
     }
 }

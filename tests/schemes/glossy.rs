@@ -1,30 +1,25 @@
 //! Glossy pictures by records and by paths.
 
 use crate::support::pictures::{beauty, build, cached, difference, own, render};
-use lumicache::basis::BasisKind;
-use lumicache::cache::{RadianceBands, Refinement, Scheme};
+use lumicache::cache::{Bands, Glossy, GlossyBasis, Refinement, RefinementRule, Scheme};
 use lumicache::compare::Report;
 use lumicache::film::{LAYERS, Pixel};
 use lumicache::gather::RadianceGradient;
-use lumicache::imagefile::exr::{Channel, Layers, SampleKind};
+use lumicache::imagefile::{Picture, SampleKind};
 use lumicache::material::NativeBrdf;
 use lumicache::math::Color;
 use lumicache::render::{Frame, Settings};
-use lumicache::scene::Scene;
+use lumicache::scene::{Scene, SceneData};
 
 /// One layer of a frame as a picture.
-pub fn layer(frame: &Frame, name: &str) -> Layers {
-    let [width, height] = frame.film.window_size();
+pub fn layer(frame: &Frame, name: &str) -> Picture {
+    let mut picture = Picture::new(frame.film.window_size());
     let channels = frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap());
-    let channel = |(samples, name): (Vec<f32>, &str)| Channel {
-        name: name.to_owned(),
-        kind: SampleKind::Float,
-        samples,
-    };
-    let mut channels: Vec<Channel> =
-        channels.into_iter().zip(["R", "G", "B"]).map(channel).collect();
-    channels.push(channel((vec![1.0; (width * height) as usize], "A")));
-    Layers { width, height, channels, ..Layers::default() }
+    let opaque = vec![1.0; channels[0].len()];
+    for (samples, name) in channels.into_iter().chain([opaque]).zip(["R", "G", "B", "A"]) {
+        picture.add(name, SampleKind::Float, samples);
+    }
+    picture
 }
 
 /// Share of the glossy samples that records served.
@@ -45,7 +40,7 @@ fn compare_gloss(
         let mut settings = Settings { seed, ..cached(scene, "krivanek05", size, spp) };
         change(&mut settings.scheme);
         if order == 0 {
-            settings.scheme.radiance_order = 0;
+            settings.scheme.glossy = None;
         }
         render(scene, &settings)
     };
@@ -59,12 +54,13 @@ fn compare_gloss(
 fn records_serve_a_glossy_floor_with_less_noise_than_paths() {
     // GGX, alpha 0.3: seen at 71 to 79 degrees, where order 10 loses up to 15 % of the energy.
     let scene = build(own("cornell-box-glossy"));
-    for (gradient, basis) in
-        [(RadianceGradient::Boundary, BasisKind::Hsh), (RadianceGradient::PerSample, BasisKind::Sh)]
-    {
+    for (gradient, basis) in [
+        (RadianceGradient::Boundary, GlossyBasis::Hsh),
+        (RadianceGradient::PerSample, GlossyBasis::ShWorld),
+    ] {
         let (records, paths, served) = compare_gloss(&scene, [64, 64], |scheme| {
-            (scheme.radiance_gradient, scheme.radiance_basis) = (gradient, basis);
-            (scheme.radiance_order, scheme.radiance_loss) = (14, 0.15);
+            let old = scheme.glossy();
+            scheme.glossy = Some(Glossy { gradient, basis, order: 14, loss: 0.15, ..old });
         });
         eprintln!(
             "{gradient:?} {basis:?}: served {served:.3}, records {:.2e} {:?}, paths {:.2e}",
@@ -98,9 +94,10 @@ fn records_serve_curved_surfaces() {
         }
     }
     let scene = build(data);
-    for (basis, order) in [(BasisKind::Hsh, 10), (BasisKind::Sh, 14)] {
+    for (basis, order) in [(GlossyBasis::Hsh, 10), (GlossyBasis::ShWorld, 14)] {
         let (records, paths, served) = compare_gloss(&scene, [45, 30], |scheme| {
-            (scheme.radiance_basis, scheme.radiance_order, scheme.rays) = (basis, order, 400);
+            scheme.glossy = Some(Glossy { basis, order, ..scheme.glossy() });
+            scheme.gather.rays = 400;
         });
         eprintln!(
             "{basis:?}: served {served:.3}, records {:.2e} {:?}, paths {:.2e}",
@@ -125,7 +122,8 @@ fn ward_floor(alpha: f32, loss: f32, change: impl Fn(&mut Scheme)) -> Frame {
     }
     let scene = build(data);
     let mut settings = cached(&scene, "krivanek06", [80, 60], 1);
-    (settings.scheme.rays, settings.scheme.radiance_loss, settings.scheme.levels) = (400, loss, 1);
+    (settings.scheme.gather.rays, settings.scheme.levels) = (400, 1);
+    settings.scheme.glossy.as_mut().unwrap().loss = loss;
     change(&mut settings.scheme);
     render(&scene, &settings)
 }
@@ -133,22 +131,22 @@ fn ward_floor(alpha: f32, loss: f32, change: impl Fn(&mut Scheme)) -> Frame {
 #[test]
 fn adaptive_records_follow_the_sharpness_of_the_lobe() {
     // About nine bands for each.
-    let counts = |refinement: Refinement| {
+    let counts = |refinement: Option<Refinement>| {
         [(0.6, 0.05), (0.3, 0.3), (0.15, 0.6)].map(|(alpha, loss)| {
             let frame = ward_floor(alpha, loss, |scheme| scheme.refinement = refinement);
-            let gloss = frame.gloss.as_ref().unwrap();
-            let records = gloss.levels[0].records();
-            let smallest = gloss.levels[0].placement().scheme().error_min;
+            let caches = frame.caches.as_ref().unwrap();
+            let records = caches.cache.radiance_records(0);
+            let smallest = caches.cache.scheme().error_min();
             assert!(
                 records.iter().all(|r| r.error >= 0.999 * smallest),
                 "a record went below the smallest error"
             );
-            assert_eq!(gloss.fill[0].reductions > 0, refinement != Refinement::None);
+            assert_eq!(caches.report.radiance[0].reductions > 0, refinement.is_some());
             records.len() as f32
         })
     };
     let growth = |counts: [f32; 3]| [counts[1] / counts[0], counts[2] / counts[0]];
-    let (refined, plain) = (counts(Refinement::WeberNearest), counts(Refinement::None));
+    let (refined, plain) = (counts(Some(Refinement::default())), counts(None));
     // Without refinement the lobe hardly matters.
     let larger = growth(refined)
         .iter()
@@ -159,21 +157,28 @@ fn adaptive_records_follow_the_sharpness_of_the_lobe() {
 
 #[test]
 fn faint_curved_and_small_gloss_is_left_to_paths() {
-    let share = |name: &str, size: [u32; 2], change: &dyn Fn(&mut Scheme)| {
-        let scene = build(own(name));
-        let mut settings = cached(&scene, "auto", size, 1);
-        (settings.scheme.rays, settings.scheme.radiance_break_even) = (64, 0.0);
-        change(&mut settings.scheme);
+    let share = |mut data: SceneData, size: [u32; 2], spp: u32, faint: bool, economy: bool| {
+        for native in data.materials.iter_mut().filter_map(|m| m.native.as_mut()).filter(|_| faint)
+        {
+            if let NativeBrdf::Phong { kd, ks, .. } = native {
+                (*kd, *ks) = (Color::splat(0.7), Color::splat(0.1));
+            }
+        }
+        let scene = build(data);
+        let mut settings = cached(&scene, "auto", size, spp);
+        settings.scheme.gather.rays = 64;
+        settings.scheme.glossy.as_mut().unwrap().economy = economy;
         served(&render(&scene, &settings))
     };
-    assert!(share("glossy-walk", [40, 40], &|_| ()) > 0.9);
-    assert_eq!(share("glossy-walk", [40, 40], &|s| s.radiance_break_even = 1e6), 0.0);
-    // The wall reflects three quarters of its light by its lobe; the metal floor has no diffuse
-    // lobe.
-    let floor = share("glossy-walk", [40, 40], &|s| s.radiance_share = 0.9);
-    assert!((0.1..0.7).contains(&floor), "{floor}");
-    assert!(share("phong-pot", [40, 30], &|_| ()) < 0.05);
-    assert!(share("phong-pot", [40, 30], &|s| s.radiance_curved_order = 14) > 0.8);
+    let walk = |spp, faint, economy| share(own("glossy-walk"), [40, 40], spp, faint, economy);
+    assert!(walk(1, false, false) > 0.9 && walk(64, false, true) > 0.9);
+    // Too few pixels to pay for records.
+    assert_eq!(walk(1, false, true), 0.0);
+    // The wall reflects an eighth of its light by its lobe; the metal floor has no diffuse lobe.
+    let floor = walk(64, true, true);
+    assert!((0.1..0.9).contains(&floor) && walk(1, true, false) > 0.9, "{floor}");
+    let pot = |spp, economy| share(own("phong-pot"), [40, 30], spp, false, economy);
+    assert!(pot(64, true) < 0.05 && pot(1, false) > 0.8);
 }
 
 #[test]
@@ -182,25 +187,23 @@ fn records_below_the_first_bounce_replace_paths_and_change_nothing_else() {
         let scene = build(own(name));
         let with = |levels: u8| {
             let mut settings = cached(&scene, preset, [48, 48], 4);
-            let scheme = &mut settings.scheme;
-            (scheme.rays, scheme.levels, scheme.radiance_break_even, scheme.radiance_levels) =
-                (512, 3, 0.0, levels);
+            (settings.scheme.gather.rays, settings.scheme.levels) = (512, 3);
+            let glossy = settings.scheme.glossy.as_mut().unwrap();
+            (glossy.economy, glossy.levels) = (false, levels);
             render(&scene, &settings)
         };
         let [one, two] = [1, 2].map(with);
         let count = |frame: &Frame| {
-            frame
-                .gloss
-                .as_ref()
-                .unwrap()
-                .levels
-                .iter()
-                .map(|l| l.records().len())
-                .collect::<Vec<_>>()
+            let cache = &frame.caches.as_ref().unwrap().cache;
+            let records = |level| cache.radiance_records(level).len();
+            (0..cache.radiance_level_count()).map(records).collect::<Vec<_>>()
         };
         assert_eq!(count(&one).len(), 1);
         assert!(count(&two).len() == 2 && count(&two)[1] > 20, "{name}: {:?}", count(&two));
-        let paths = |frame: &Frame| frame.gathered[2] as f32 / frame.gathered[0] as f32;
+        let paths = |frame: &Frame| {
+            let [bundle, _, paths] = frame.caches.as_ref().unwrap().gathered;
+            paths as f32 / bundle as f32
+        };
         let report = difference(&beauty(&two), &beauty(&one));
         println!(
             "{name}: {:.4} paths per ray, {:.4} with records below; {report:?}",
@@ -226,30 +229,31 @@ fn refined_curved_surfaces_are_served_everywhere() {
     // refinement makes it.
     let scene = build(own("phong-pot"));
     let mut settings = cached(&scene, "krivanek06", [160, 120], 1);
-    (settings.scheme.rays, settings.scheme.levels, settings.max_bounces) = (200, 1, 1);
-    for refinement in [Refinement::Weber, Refinement::WeberNearest] {
-        settings.scheme.refinement = refinement;
+    (settings.scheme.gather.rays, settings.scheme.levels, settings.max_bounces) = (200, 1, 1);
+    for rule in [RefinementRule::Weber, RefinementRule::WeberNearest] {
+        settings.scheme.refinement.as_mut().unwrap().rule = rule;
         let frame = render(&scene, &settings);
-        let fill = &frame.gloss.as_ref().unwrap().fill[0];
-        assert!(fill.retaken > 5 && fill.reductions > 50, "{refinement:?}: {fill:?}");
-        assert_eq!(served(&frame), 1.0, "{refinement:?}");
+        let fill = &frame.caches.as_ref().unwrap().report.radiance[0];
+        assert!(fill.retaken > 5 && fill.reductions > 50, "{rule:?}: {fill:?}");
+        assert_eq!(served(&frame), 1.0, "{rule:?}");
     }
 }
 
 #[test]
 fn all_bands_serve_what_loses_too_much() {
     let scene = build(own("pyramid-metal"));
-    let with = |bands: RadianceBands| {
+    let with = |bands: Bands| {
         let mut settings = cached(&scene, "krivanek05", [40, 40], 1);
-        (settings.scheme.rays, settings.scheme.radiance_bands, settings.max_bounces) =
-            (64, bands, 1);
+        (settings.scheme.gather.rays, settings.max_bounces) = (64, 1);
+        settings.scheme.glossy.as_mut().unwrap().bands = bands;
         render(&scene, &settings)
     };
-    let [needed, all] = [RadianceBands::Needed, RadianceBands::All].map(with);
+    let [needed, all] = [Bands::Padded, Bands::All].map(with);
     // The exponents 88 and 186 need more than ten bands from everywhere.
     assert_eq!((served(&needed), served(&all)), (0.0, 1.0));
-    assert!(needed.gloss.is_none_or(|g| g.levels[0].records().is_empty()));
-    let gloss = all.gloss.as_ref().unwrap();
+    assert_eq!(needed.caches.unwrap().cache.radiance_record_count(), 0);
+    let cache = &all.caches.as_ref().unwrap().cache;
+    let bytes = cache.level(0).unwrap().radiance().unwrap().bytes();
     let numbers = 3 * 3 * 100 * size_of::<f32>();
-    assert!(gloss.bytes() > gloss.record_count() * numbers, "not all records have ten bands");
+    assert!(bytes > cache.radiance_record_count() * numbers, "not all records have ten bands");
 }

@@ -10,7 +10,7 @@
 //! central differences.
 
 use lumicache::accel::{Backend, Ray};
-use lumicache::cache::{Cache, LevelPoints, Preset, Scheme, Weight};
+use lumicache::cache::{Cache, Clamping, LevelPoints, Preset, Weight};
 use lumicache::gather::{
     Density, Gradient, HemisphereSamples, Layout, NoDeeper, TranslationalGradient,
 };
@@ -69,18 +69,12 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 /// Caches that use each of [`METHODS`], filled for the points of the rows `rows`.
 fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache; 3] {
     let points =
-        LevelPoints { points: rows.flat_map(|y| row(tracer, size.side, y)).collect(), round: 0 };
-    METHODS.map(|translational_gradient| {
-        let scheme = Scheme {
-            rays: size.rays,
-            error: 0.15,
-            translational_gradient,
-            gradient_clamp: false,
-            weight: Weight::Inverse,
-            min_pixels: 0.0,
-            levels: 1,
-            ..Preset::by_name("ward-heckbert92").unwrap().scheme()
-        };
+        LevelPoints::from(rows.flat_map(|y| row(tracer, size.side, y)).collect::<Vec<_>>());
+    METHODS.map(|gradient| {
+        let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
+        (scheme.gather.rays, scheme.gather.gradient) = (size.rays, gradient);
+        (scheme.validity.error, scheme.validity.weight) = (0.15, Weight::Inverse);
+        (scheme.radius.min_pixels, scheme.clamping, scheme.levels) = (0.0, Clamping::None, 1);
         let mut cache = Cache::new(scheme, FIRST_BOUNCE, tracer.scene.size());
         cache.fill(&SceneProbe::new(tracer), 0, &points, 5, &Progress::default()).unwrap();
         cache
@@ -107,7 +101,7 @@ fn interpolation(
             f64::from(luminance(answer.irradiance)) / e - 1.0
         }))
     };
-    ([0, 1, 2].map(|k| error(&caches[k])), caches[0].level(0).unwrap().records().len())
+    ([0, 1, 2].map(|k| error(&caches[k])), caches[0].records(0).len())
 }
 
 /// RMS error of each method's gradient at the points of row `y`, as a share of the RMS of the true

@@ -1,7 +1,7 @@
 //! Light must not pass through thin walls by way of the cache.
 
 use crate::support::pictures::sectors;
-use crate::support::pictures::{build, cached, own, render, scheme};
+use crate::support::pictures::{build, cached, own, render, scheme, with};
 use lumicache::cache::Scheme;
 use lumicache::math::Color;
 
@@ -23,7 +23,7 @@ fn a_room_behind_a_wall_of_two_sheets_a_millimetre_apart_stays_black() {
     let size = [200, 100];
     let lit = |scheme: Scheme, fences: bool| {
         let mut settings = cached(&scene, "auto", size, 1);
-        settings.scheme = Scheme { fences, rays: 256, ..scheme };
+        settings.scheme = with(scheme, |s| (s.validity.fences, s.gather.rays) = (fences, 256));
         halves(&render(&scene, &settings).film.radiance(), size[0] as usize)
     };
     let [left, right] = lit(scheme("auto"), true);
@@ -32,7 +32,7 @@ fn a_room_behind_a_wall_of_two_sheets_a_millimetre_apart_stays_black() {
     let [left, right] = lit(sectors(), true);
     assert!(left > 0.1 && right < 1e-5 * left, "{left} {right}");
     // So do records with axes that hold direct light.
-    let [left, right] = lit(scheme("aric11"), scheme("aric11").fences);
+    let [left, right] = lit(scheme("aric11"), scheme("aric11").validity.fences);
     assert!(left > 0.1 && right < 1e-5 * left, "{left} {right}");
     // Without fences records reach through the wall: the scene tests what it is meant to test.
     let [left, right] = lit(scheme("ward-heckbert92"), false);

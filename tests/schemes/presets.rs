@@ -2,10 +2,12 @@
 //! and that they hold what they should.
 
 use crate::support::pictures::{
-    assert_alike, beauty, build, cached, fill, own, render, scheme, sectors, seen, settings,
+    assert_alike, beauty, build, cached, clamp_to_neighbours, fill, one_level, own, render, scheme,
+    sectors, seen, settings, with, with_rays,
 };
 use lumicache::cache::{
-    Cache, Curve, Kernel, Level, LevelPoints, PRESETS, Preset, Reach, Record, Scheme, Weight,
+    Cache, Curve, Irradiance, Kernel, LevelPoints, PRESETS, Preset, RadiusRule, Record, Scheme,
+    Validity, Weight,
 };
 use lumicache::gather::{Bundle, Deeper, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
@@ -22,34 +24,30 @@ pub fn staircase(round: usize) -> (Scene, LevelPoints) {
     let scene = build(own("staircase"));
     let points = seen(&scene, &scene.cameras()[0], SIZE, 0);
     assert!(points.len() > 2000);
-    (scene, LevelPoints { points, round })
+    (scene, LevelPoints { points, round, ..LevelPoints::default() })
 }
 
 /// With few rays: what is tested here does not depend on their number.
 pub fn quick(scheme: Scheme) -> Scheme {
-    Scheme { rays: scheme.rays.min(64), ..scheme }
+    with_rays(scheme, 64)
 }
 
 /// Every preset, and a scheme of our own with what no preset has: sectors and extrapolation to
 /// second order.
 fn all() -> Vec<(&'static str, Scheme)> {
-    let presets = PRESETS.iter().map(|p| (p.name, p.scheme()));
+    let presets = PRESETS.iter().map(|p| (p.name.as_str(), p.scheme()));
     presets.chain([("sectors", sectors())]).collect()
-}
-
-pub fn first(cache: &Cache) -> &Level {
-    cache.level(0).unwrap()
 }
 
 #[test]
 fn a_larger_error_needs_fewer_records() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let count = |factor: f32| {
             let scheme = quick(preset.scheme());
             let (cache, stats) =
-                fill(&scene, Scheme { error: factor * scheme.error, ..scheme }, &points);
-            let records = first(&cache).records().len();
+                fill(&scene, with(scheme, |s| s.validity.error *= factor), &points);
+            let records = cache.records(0).len();
             let layout = cache.scheme().layout(0);
             let (once, again) =
                 (layout.rays() as u64, layout.with_rays(4 * layout.rays() as u32).rays() as u64);
@@ -72,20 +70,21 @@ fn a_larger_error_needs_fewer_records() {
 #[test]
 fn records_are_numbers_and_reach_within_the_limits() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
         let (scheme, reach) =
-            (cache.scheme(), Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0));
-        let scale = if scheme.kernel == Kernel::Tabellion { scheme.error } else { 1.0 };
-        for r in first(&cache).records() {
+            (cache.scheme(), RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0));
+        let scale =
+            if scheme.validity.kernel == Kernel::Tabellion { scheme.validity.error } else { 1.0 };
+        for r in cache.records(0) {
             assert!(
                 r.position.is_finite()
-                    && r.irradiance.is_finite()
-                    && r.rotation.is_finite()
-                    && r.translation.is_finite()
+                    && r.payload.irradiance.is_finite()
+                    && r.payload.rotation.is_finite()
+                    && r.payload.translation.is_finite()
             );
             assert!(
-                r.irradiance.min_element() >= 0.0
+                r.payload.irradiance.min_element() >= 0.0
                     && r.sigma >= 0.0
                     && r.length >= 0.0
                     && !r.length.is_nan(),
@@ -97,9 +96,9 @@ fn records_are_numbers_and_reach_within_the_limits() {
                     && (r.normal.length() - 1.0).abs() < 1e-4,
                 "{r:?}"
             );
-            let longest = scheme.max_radius * scene.size();
-            let pixels = if scheme.max_pixels > 0.0 {
-                scheme.max_pixels * r.footprint
+            let longest = scheme.radius.max_radius * scene.size();
+            let pixels = if scheme.radius.max_pixels > 0.0 {
+                scheme.radius.max_pixels * r.footprint
             } else {
                 f32::INFINITY
             };
@@ -110,7 +109,7 @@ fn records_are_numbers_and_reach_within_the_limits() {
                 preset.name
             );
             assert!(
-                radius >= 0.9999 * scale * (scheme.min_pixels * r.footprint).min(longest),
+                radius >= 0.9999 * scale * (scheme.radius.min_pixels * r.footprint).min(longest),
                 "{}: {radius} {r:?}",
                 preset.name
             );
@@ -123,13 +122,16 @@ fn records_are_numbers_and_reach_within_the_limits() {
 fn every_point_that_was_filled_is_covered() {
     for round in [0, SIZE[0] as usize] {
         let (scene, points) = staircase(round);
-        for preset in PRESETS {
+        for preset in PRESETS.iter() {
             for neighbour_clamp in [false, true] {
                 // Without smoothing: the reach under which the level was filled is the one it is
                 // used with.
-                let scheme = Scheme { neighbour_clamp, smoothing: 1.0, ..quick(preset.scheme()) };
+                let scheme = with(quick(preset.scheme()), |s| {
+                    clamp_to_neighbours(s, neighbour_clamp);
+                    s.validity.smoothing = 1.0;
+                });
                 // Clamping and gathering again change records after their round.
-                let settled = !neighbour_clamp && scheme.noise == 0.0;
+                let settled = !neighbour_clamp && scheme.gather.noise == 0.0;
                 let (cache, stats) = fill(&scene, scheme, &points);
                 let uncovered =
                     points.points.iter().filter(|p| cache.lookup(0, p, u32::MAX).is_none()).count();
@@ -159,30 +161,25 @@ fn every_point_that_was_filled_is_covered() {
 #[test]
 fn no_record_is_used_beyond_the_limit_of_normals() {
     let scene = build(own("curved-spheres"));
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], SIZE, 0), round: 0 };
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], SIZE, 0));
     // One preset of each kernel, so careless that nothing else would end a record.
     for (preset, error) in
         [("ward-heckbert92", 3.0), ("tabellion04", 1.0), ("schwarzhaupt12", 1.0), ("aric11", 3.0)]
     {
         let counts = [0.2, 0.6].map(|normal_limit| {
             let scheme = quick(Preset::by_name(preset).unwrap().scheme());
-            let careless = Scheme {
-                error,
-                normal_limit,
-                smoothing: 1.0,
-                neighbour_clamp: false,
-                max_pixels: 0.0,
-                ..scheme
-            };
+            let careless = with(scheme, |s| {
+                clamp_to_neighbours(s, false);
+                s.radius.max_pixels = 0.0;
+                s.validity = Validity { error, normal_limit, smoothing: 1.0, ..s.validity };
+            });
             let (cache, _) = fill(&scene, careless, &points);
-            let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), 1.0);
+            let reach = RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0);
             let (mut used, mut widest) = (0, 0.0_f32);
-            for (p, r) in points
-                .points
-                .iter()
-                .flat_map(|p| first(&cache).records().iter().map(move |r| (p, r)))
+            for (p, r) in
+                points.points.iter().flat_map(|p| cache.records(0).iter().map(move |r| (p, r)))
             {
-                if r.error_at(&reach, p, None).is_some_and(|e| e < 1.0) {
+                if reach.error_of(r, p, f32::INFINITY).is_some_and(|e| e < 1.0) {
                     (used, widest) =
                         (used + 1, widest.max(p.frame.n.dot(r.normal).min(1.0).acos()));
                 }
@@ -191,15 +188,17 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
                 used > 1000 && widest < 1.001 * normal_limit && widest > 0.8 * normal_limit,
                 "{preset}: {widest}"
             );
-            first(&cache).records().len()
+            cache.records(0).len()
         });
         assert!(counts[1] < counts[0], "{preset}: {counts:?} records");
     }
 }
 
 /// Pairs of records of which one reaches further than the other and the way between them allow.
-fn missed(records: &[Record]) -> usize {
-    let excess = |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
+fn missed(records: &[Record<Irradiance>]) -> usize {
+    let excess = |a: &Record<Irradiance>, b: &Record<Irradiance>| {
+        a.length - b.length - (a.position - b.position).length()
+    };
     records
         .iter()
         .flat_map(|a| records.iter().map(move |b| (a, b)))
@@ -210,15 +209,16 @@ fn missed(records: &[Record]) -> usize {
 #[test]
 fn clamped_records_have_missed_no_feature() {
     let (scene, points) = staircase(0);
-    for preset in PRESETS {
+    for preset in PRESETS.iter() {
         let fill = |neighbour_clamp| {
-            fill(&scene, Scheme { neighbour_clamp, ..quick(preset.scheme()) }, &points).0
+            let clamp = |s: &mut Scheme| clamp_to_neighbours(s, neighbour_clamp);
+            fill(&scene, with(quick(preset.scheme()), clamp), &points).0
         };
         // On this staircase records do miss the steps beside them when nothing is done about it.
         let free = fill(false);
-        assert!(missed(first(&free).records()) > 0, "{}: the test cannot fail", preset.name);
+        assert!(missed(free.records(0)) > 0, "{}: the test cannot fail", preset.name);
         let cache = fill(true);
-        let records = first(&cache).records();
+        let records = cache.records(0);
         assert_eq!(missed(records), 0, "{}: |R_i - R_j| <= d_ij does not hold", preset.name);
         // The closed form: no record is shorter than its neighbours demand.
         for r in records {
@@ -240,34 +240,43 @@ fn clamped_records_have_missed_no_feature() {
 /// records.
 fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color, f32, u32)> {
     let scheme = cache.scheme();
-    let reach = Reach::new(scheme, 0, cache.scene_size(), scheme.smoothing);
+    let reach = RadiusRule::new(scheme, 0, cache.scene_size(), scheme.validity.smoothing);
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
-    for r in first(cache).records().iter().take(limit) {
+    for r in cache.records(0).iter().take(limit) {
         let (area, slope) = reach.area(r);
-        let share = r.error / scheme.error;
+        let share = r.error / scheme.validity.error;
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
         let (d, position) = (offset.length(), area.share(r.normal, offset) / share);
         let error = reach.relative_error(position, cosine, reach.normal_scale() / share);
         let in_front =
             0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
-        if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || (scheme.in_front_test && in_front) {
+        if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || in_front {
             continue;
         }
         if !r.fences.admit(at.position) {
             continue;
         }
-        let weight = match scheme.weight {
+        let weight = match scheme.validity.weight {
             Weight::Inverse => 1.0 / (share * error.max(1e-6)),
             Weight::InverseMinusOne => (1.0 / error.max(1e-6) - 1.0) / share,
             Weight::Hat => 1.0 - error,
         };
-        let linear = slope * (r.translation * offset);
-        let second = r.curve.map_or(Color::ZERO, |c| {
-            Curve { hessian: c.hessian * (slope * slope), ..c }.term(offset, linear, r.irradiance)
+        let linear = slope * (r.payload.translation * offset);
+        let second = r.payload.curve.map_or(Color::ZERO, |c| {
+            Curve { hessian: c.hessian * (slope * slope), ..c }.term(
+                offset,
+                linear,
+                r.payload.irradiance,
+            )
         });
-        let value = match &r.axes {
-            Some(axes) => r.irradiance + axes.at(r.normal, offset, at.frame.n).0,
-            None => r.irradiance + r.rotation * r.normal.cross(at.frame.n) + linear + second,
+        let value = match &r.payload.axes {
+            Some(axes) => r.payload.irradiance + axes.at(r.normal, offset, at.frame.n).0,
+            None => {
+                r.payload.irradiance
+                    + r.payload.rotation * r.normal.cross(at.frame.n)
+                    + linear
+                    + second
+            }
         };
         sum += weight * value.max(Color::ZERO);
         weights += weight;
@@ -284,8 +293,13 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
     for (name, scheme) in all() {
         scheme.check().unwrap();
         let (cache, _) = fill(&scene, quick(scheme), &points);
-        let records = first(&cache).records();
-        let reach = Reach::new(cache.scheme(), 0, cache.scene_size(), cache.scheme().smoothing);
+        let records = cache.records(0);
+        let reach = RadiusRule::new(
+            cache.scheme(),
+            0,
+            cache.scene_size(),
+            cache.scheme().validity.smoothing,
+        );
         let mut found = 0;
         for k in 0..2000 {
             // Around a record out to a little beyond its reach, with its normal tilted by up to 40
@@ -363,7 +377,7 @@ fn bounces_are_counted_as_by_the_path_tracer() {
         let path = beauty(&render(&scene, &path));
         for preset in ["ward88", "tabellion04", "auto"] {
             let mut settings = Settings { max_bounces, ..cached(&scene, preset, size, 32) };
-            settings.scheme.rays = settings.scheme.rays.min(256);
+            settings.scheme.gather.rays = settings.scheme.gather.rays.min(256);
             let cache = beauty(&render(&scene, &settings));
             assert_alike(
                 &format!("{preset}, {max_bounces} bounces"),
@@ -398,22 +412,23 @@ impl RadianceProbe for Hollow {
 
 #[test]
 fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
-    let scheme = Scheme { rays: 64, levels: 1, neighbour_clamp: true, ..scheme("ward-heckbert92") };
+    let scheme = with(one_level(with_rays(scheme("ward-heckbert92"), 64)), |s| {
+        clamp_to_neighbours(s, true);
+    });
     let mut cache = Cache::new(scheme, u32::MAX, 20.0);
     let at = |x: f32| SurfacePoint {
         footprint: 0.01,
         ..SurfacePoint::plain(Vec3::new(x, 0.0, 0.0), Vec3::Z)
     };
     for row in [vec![at(-0.05), at(-0.03)], vec![at(0.0)]] {
-        let stats = cache
-            .fill(&Hollow, 0, &LevelPoints { points: row, round: 0 }, 1, &Progress::default())
-            .unwrap();
+        let stats =
+            cache.fill(&Hollow, 0, &LevelPoints::from(row), 1, &Progress::default()).unwrap();
         assert_eq!(stats.retaken, 0);
     }
-    let records = first(&cache).records();
+    let records = cache.records(0);
     assert_eq!(records.len(), 3);
     assert!(
-        records.iter().all(|r| (r.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01),
+        records.iter().all(|r| (r.payload.irradiance.x / std::f32::consts::PI - 1.0).abs() < 0.01),
         "{records:?}"
     );
 }

@@ -81,19 +81,21 @@ fn schemes_get_equally_many_records_and_their_errors_are_measured() {
 
     // Settings of all presets, and of one.
     let changed = Plan {
-        settings: vec![("min_pixels".into(), "4".into())],
-        ..plan(&["ward88", "ward88:min_pixels=1"], &[250])
+        settings: vec![("radius.min_pixels".into(), "4".into())],
+        ..plan(&["ward88", "ward88:radius.min_pixels=1"], &[250])
     };
     let report = go(&Plan { reference: again.reference.clone(), ..changed }, &settings).unwrap();
     assert_eq!((report.rows[1].records, report.rows[1].rmse), (row.records, row.rmse));
     assert!(
         report.rows[0].rmse != row.rmse
-            && folder.path().join("ward88_min_pixels_1-250.png").exists()
+            && folder.path().join("ward88_radius.min_pixels_1-250.png").exists()
     );
 
     let refused = |plan: &Plan, settings: &Settings| go(plan, settings).unwrap_err().to_string();
-    assert!(refused(&plan(&["ward88:error"], &[10]), &settings).contains("`error`"));
-    assert!(refused(&plan(&["ward88:error=-1"], &[10]), &settings).contains("error"));
+    assert!(
+        refused(&plan(&["ward88:validity.error"], &[10]), &settings).contains("`validity.error`")
+    );
+    assert!(refused(&plan(&["ward88:validity.error=-1"], &[10]), &settings).contains("error"));
     assert!(refused(&plan(&["nonsense"], &[10]), &settings).contains("nonsense"));
     assert!(refused(&plan(&["ward88"], &[]), &settings).contains("numbers of records"));
     assert!(
@@ -106,19 +108,22 @@ fn schemes_get_equally_many_records_and_their_errors_are_measured() {
 
 #[test]
 fn presets_are_compared_within_the_same_bounds() {
-    for preset in lumicache::cache::PRESETS {
-        let scheme = variant(preset.name, &[]).unwrap();
+    for preset in lumicache::cache::PRESETS.iter() {
+        let scheme = variant(&preset.name, &[]).unwrap();
         assert_eq!(
-            (scheme.normal_limit, scheme.min_pixels, scheme.max_radius),
+            (scheme.validity.normal_limit, scheme.radius.min_pixels, scheme.radius.max_radius),
             (1.0, 1.0, 0.3),
             "{}",
             preset.name
         );
     }
     let scheme = variant(
-        "mdic:max_radius=0.2:error=0.5",
-        &[("max_radius".into(), "0.1".into()), ("rays".into(), "99".into())],
+        "mdic:radius.max_radius=0.2:validity.error=0.5",
+        &[("radius.max_radius".into(), "0.1".into()), ("gather.rays".into(), "99".into())],
     )
     .unwrap();
-    assert_eq!((scheme.max_radius, scheme.error, scheme.rays), (0.2, 0.5, 99));
+    assert_eq!(
+        (scheme.radius.max_radius, scheme.validity.error, scheme.gather.rays),
+        (0.2, 0.5, 99)
+    );
 }

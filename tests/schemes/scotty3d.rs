@@ -6,11 +6,11 @@
 //! 256 rays per record instead of the report's 64, whose noise would hide half of the difference.
 
 use crate::support::bsdfs::point;
+use crate::support::pictures::with;
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, FillStats, LevelPoints, Preset, Scheme};
+use lumicache::cache::{Cache, Extrapolation, FillStats, LevelPoints, Preset};
 use lumicache::gather::{
     Bundle, Deeper, Density, HemisphereSamples, HitKind, Layout, NoDeeper, RadianceProbe,
-    TranslationalGradient,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Vec2, luminance};
@@ -31,8 +31,12 @@ struct Filled {
 
 fn filled(tracer: PathTracer, points: &LevelPoints, rotational_gradient: bool) -> Filled {
     let preset = Preset::by_name("scotty3d").unwrap().scheme();
-    assert_eq!(preset.translational_gradient, TranslationalGradient::None);
-    let scheme = Scheme { rays: 256, levels: 1, rotational_gradient, ..preset };
+    assert_eq!(preset.extrapolation, Extrapolation::Rotation);
+    let scheme = with(preset, |s| {
+        (s.gather.rays, s.levels) = (256, 1);
+        s.extrapolation =
+            if rotational_gradient { Extrapolation::Rotation } else { Extrapolation::None };
+    });
     let mut cache = Cache::new(scheme, tracer.max_bounces, tracer.scene.size());
     let stats = cache.fill(&SceneProbe::new(tracer), 0, points, 3, &Progress::default()).unwrap();
     Filled { cache, stats }
@@ -53,7 +57,7 @@ fn two_passes_beat_one_and_the_rotational_gradient_helps_on_spheres() {
     let points: Vec<SurfacePoint> = pixels
         .filter_map(|p| Some(tracer.first_diffuse(&scene.cameras()[0].ray(p, SIZE), 0)?.0))
         .collect();
-    let points = LevelPoints { points, round: SIZE[0] as usize };
+    let points = LevelPoints { round: SIZE[0] as usize, ..points.into() };
 
     // Walls and floor are normal to an axis, spheres nearly nowhere. Every third point is compared.
     let curved = |p: &SurfacePoint| p.frame.n.abs().max_element() < 0.99;

@@ -1,8 +1,8 @@
 //! Refinement at steps of light: small records there, few elsewhere.
 
-use crate::support::pictures::{build, own, scheme};
+use crate::support::pictures::{build, own, scheme, with};
 use crate::support::refined::*;
-use lumicache::cache::{Record, Scheme};
+use lumicache::cache::{Clamping, Irradiance, Record};
 use lumicache::gather::{Bundle, Deeper, RadianceProbe, TranslationalGradient};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Vec3};
@@ -44,11 +44,10 @@ fn the_allowance_for_noise_saves_most_records() {
     // what the eye could see if it were no noise.
     let field =
         Field { radiance: |_, seed| 2.0 * f32::from(u8::from(seed % 2 == 0)), distance: 1.0 };
-    let without_gradient = |scheme| Scheme {
-        translational_gradient: TranslationalGradient::None,
-        gradient_clamp: false,
-        neighbour_clamp: false,
-        ..scheme
+    let without_gradient = |scheme| {
+        with(scheme, |s| {
+            (s.gather.gradient, s.clamping) = (TranslationalGradient::None, Clamping::None);
+        })
     };
     let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
     let (before, after) = (r.unrefined, r.records().len());
@@ -82,14 +81,15 @@ fn light_through_a_slit() {
     let scene = build(own("slit-light"));
     let r = Refined::scene(
         &scene,
-        Scheme { rays: 512, min_pixels: 0.0, ..scheme("krivanek06") },
+        with(scheme("krivanek06"), |s| (s.gather.rays, s.radius.min_pixels) = (512, 0.0)),
         [160, 120],
     );
     // The floor below the panel; the middle of each edge of the band lies where half of the panel
     // is seen, 0.36 m from the axis.
     let mean = |range: std::ops::Range<f32>| {
-        let on_floor =
-            |x: &&Record| x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1;
+        let on_floor = |x: &&Record<Irradiance>| {
+            x.position.y < 0.01 && x.position.z < -0.9 && x.position.z > -2.1
+        };
         let here =
             r.records().iter().filter(on_floor).filter(|x| range.contains(&x.position.x.abs()));
         let errors: Vec<f32> = here.map(|x| x.error).collect();
@@ -103,9 +103,10 @@ fn light_through_a_slit() {
 fn no_record_misses_a_step() {
     let scene = build(own("staircase-room"));
     let r = Refined::scene(&scene, quick("krivanek06"), [160, 120]);
-    let missed = |records: &[Record]| {
-        let excess =
-            |a: &Record, b: &Record| a.length - b.length - (a.position - b.position).length();
+    let missed = |records: &[Record<Irradiance>]| {
+        let excess = |a: &Record<Irradiance>, b: &Record<Irradiance>| {
+            a.length - b.length - (a.position - b.position).length()
+        };
         records
             .iter()
             .flat_map(|a| records.iter().map(move |b| (a, b)))
@@ -113,7 +114,7 @@ fn no_record_misses_a_step() {
             .count()
     };
     assert_eq!(missed(r.records()), 0, "records that missed a feature that their neighbours saw");
-    let free: Vec<Record> =
+    let free: Vec<Record<Irradiance>> =
         r.records().iter().map(|x| Record { length: x.length_unclamped, ..x.clone() }).collect();
     assert!(missed(&free) > 0, "the test cannot fail");
 }

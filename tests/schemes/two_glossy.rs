@@ -3,23 +3,22 @@
 
 use crate::numeric::radiance::{norm, off};
 use crate::schemes::glossy::layer;
-use crate::support::pictures::{build, cached, difference, own, render, settings};
+use crate::support::pictures::{build, cached, difference, own, render, scheme, settings};
 use lumicache::accel::Ray;
-use lumicache::basis::{Basis, BasisKind, Sh};
-use lumicache::cache::{Cache, HitStorage, LevelPoints, Preset, RadiancePoints, Scheme};
+use lumicache::basis::{Basis, Sh};
+use lumicache::cache::{Cache, Hits, LevelPoints, Scheme};
 use lumicache::gather::{
     Bundle, Deeper, Density, HemisphereSamples, HitChange, Layout, NoDeeper, RadianceProbe,
     TriangleRadiance,
 };
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::Picture;
-use lumicache::material::tables::{GlossyTables, TableSettings, TableStore};
 use lumicache::material::{Material, NativeBrdf};
 use lumicache::math::{Color, Vec3};
 use lumicache::progress::Progress;
-use lumicache::render::{Gloss, IntegratorKind, Settings};
+use lumicache::render::{IntegratorKind, Settings};
 use lumicache::scene::Scene;
-use lumicache::transport::{self, PathTracer, SceneProbe};
+use lumicache::transport::{GlossyLobes, PathTracer, SceneProbe};
 
 /// The two planes with the wall made of `wall`, and a point of the floor.
 fn planes(wall: Option<Material>) -> Scene {
@@ -134,17 +133,11 @@ fn harmonics_of_the_hit_s_lobe_tell_its_change_where_they_represent_it() {
     // Ten bands hold a lobe of exponent 8.
     let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.6), exponent: 8.0 };
     let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
-    let settings = TableSettings {
-        basis: BasisKind::Sh,
-        order: 10,
-        loss: 0.1,
-        padding: false,
-        whole: true,
-        forced: false,
-    };
-    let tables = GlossyTables::new(scene.materials(), settings, &TableStore::default());
-    let probe =
-        SceneProbe::new(PathTracer { scene: &scene, max_bounces: 1 }).with_tables(Some(&tables));
+    let scheme = scheme("zhao-incoming");
+    assert_eq!(scheme.glossy().order, 10);
+    let lobes = GlossyLobes::new(&scene, &scheme, u32::MAX).unwrap();
+    let probe = SceneProbe::new(PathTracer { scene: &scene, max_bounces: 1 })
+        .with_lobes(Some(lobes.choice(&scheme)));
     let of = |how| {
         let mut samples =
             HemisphereSamples::new(Layout::Concentric { n: 64 }, Density::Cosine).with_change(how);
@@ -181,39 +174,36 @@ impl RadianceProbe for Dawn {
 fn records_at_the_hits_tell_how_the_light_they_know_changes() {
     let wall = NativeBrdf::Phong { kd: Color::splat(0.1), ks: Color::splat(0.8), exponent: 8.0 };
     let scene = planes(Some(Material { native: Some(wall), ..Material::default() }));
-    let scheme = Scheme {
-        radiance_levels: 2,
-        noise: 0.0,
-        ..Preset::by_name("zhao-incoming").unwrap().scheme()
-    };
-    let mut gloss = Gloss::new(&scene, &scheme, u32::MAX).unwrap();
+    let mut scheme = scheme("zhao-incoming");
+    scheme.set_all([("glossy.levels", "2"), ("gather.noise", "0")]).unwrap();
+    let lobes = GlossyLobes::new(&scene, &scheme, u32::MAX).unwrap();
+    let lobes = Some(lobes.choice(&scheme));
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
     let at = floor(&scene, PLACE[0], PLACE[1]);
-    let hits = tracer.next_cached(&[at], 16_384, 1, Some(&gloss.service(&scheme)));
+    let hits = tracer.next_points(&[at], 16_384, 1, lobes);
     let (points, orders) =
-        hits.into_iter().map(|(point, _)| (point, scheme.radiance_order)).unzip();
-    let points = RadiancePoints { points: LevelPoints { points, round: 0 }, orders };
-    let cache = Cache::new(scheme.clone(), u32::MAX, scene.size());
-    gloss.levels[1].fill(&Dawn, &points, &cache, None, 1, &Progress::default()).unwrap();
-    assert!(
-        gloss.levels[1].records().len() > 3,
-        "{} records behind the first level",
-        gloss.levels[1].records().len()
-    );
+        hits.into_iter().map(|(point, _)| (point, scheme.glossy().order)).unzip();
+    let points = LevelPoints { points, orders, round: 0 };
+    let mut cache = Cache::new(scheme.clone(), u32::MAX, scene.size()).with_radiance();
+    cache.fill_radiance(&Dawn, None, 1, &points, 1, &Progress::default()).unwrap();
+    let count = cache.radiance_records(1).len();
+    assert!(count > 3, "{count} records behind the first level");
     // What the light sends to a hit straight away does not matter here: it would hide the rest.
-    let behind = transport::Gloss { records: &gloss.levels[1..], ..gloss.shading(&scheme) };
-    let [direct, whole] = [None, Some(behind)].map(|known| {
-        let tracer = if known.is_none() { PathTracer { max_bounces: 1, ..tracer } } else { tracer };
-        SceneProbe::new(tracer).with_tables(Some(&gloss.tables)).with_gloss(known)
+    let behind = cache.behind(1);
+    let [direct, whole] = [1, u32::MAX].map(|max_bounces| {
+        let probe = SceneProbe::new(PathTracer { max_bounces, ..tracer }).with_lobes(lobes);
+        let deeper: &dyn Deeper = if max_bounces == 1 { &NoDeeper } else { &behind };
+        (probe, deeper)
     });
     let basis = Sh::new(5);
-    let gather = |probe: &SceneProbe, at: &SurfacePoint, n: u32, how: HitChange| {
+    type Known<'a> = (SceneProbe<'a>, &'a dyn Deeper);
+    let gather = |(probe, deeper): &Known, at: &SurfacePoint, n: u32, how: HitChange| {
         let mut samples =
             HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine).with_change(how);
-        samples.gather(probe, at, 0, &NoDeeper, 7);
+        samples.gather(probe, at, 0, *deeper, 7);
         samples
     };
-    let indirect = |f: &dyn Fn(&SceneProbe) -> Vec<f64>| -> Vec<f64> {
+    let indirect = |f: &dyn Fn(&Known) -> Vec<f64>| -> Vec<f64> {
         f(&whole).iter().zip(f(&direct)).map(|(a, b)| a - b).collect()
     };
     let [without, with] = [HitChange::None, HitChange::Harmonics].map(|how| {
@@ -280,19 +270,25 @@ fn the_edge_between_two_glossy_surfaces_is_clean() {
     let reference = edge(&scene, settings(&scene, IntegratorKind::Path, size, 4096));
     let relmse = |change: &dyn Fn(&mut Scheme)| {
         let mut settings = cached(&scene, "zhao-incoming", size, 4);
-        (settings.scheme.error, settings.scheme.noise, settings.scheme.min_pixels) =
-            (1e-4, 0.0, 1.0);
+        (
+            settings.scheme.validity.error,
+            settings.scheme.gather.noise,
+            settings.scheme.radius.min_pixels,
+        ) = (1e-4, 0.0, 1.0);
         change(&mut settings.scheme);
         difference(&edge(&scene, settings), &reference).relmse
     };
-    let [without, with] = [HitChange::None, HitChange::Frozen]
-        .map(|how| relmse(&|s| (s.hit_change, s.rays) = (how, 4096)));
+    let hits = |hits: Hits, rays: u32| {
+        relmse(&|s| {
+            s.gather.rays = rays;
+            s.glossy.as_mut().unwrap().hits = hits;
+        })
+    };
+    let [without, with] = [Hits::None, Hits::Frozen].map(|how| hits(how, 4096));
     println!("relmse {without:.2e} without the change of hits, {with:.2e} with it");
     assert!(with < 0.25 * without, "{with} {without}");
     // Without harmonics and derivatives the same: it is the hits' light that must change.
-    let [frozen, traced] = [HitStorage::Frozen, HitStorage::Traced].map(|hits| {
-        relmse(&|s| (s.hit_change, s.radiance_hits, s.rays) = (HitChange::None, hits, 1024))
-    });
+    let [frozen, traced] = [Hits::Stored, Hits::Retraced].map(|how| hits(how, 1024));
     println!(
         "relmse {frozen:.2e} from hits that stay as they are, {traced:.2e} from hits traced anew"
     );

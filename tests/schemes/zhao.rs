@@ -2,15 +2,11 @@
 //! makes of them, what they hold.
 
 use crate::support::pictures::{build, cached, own, render};
-use lumicache::cache::{
-    Extrapolation, FootprintKind, HitStorage, RadianceMetric, Record, Scheme, Storage,
-};
-use lumicache::gather::HitChange;
+use lumicache::cache::{Extrapolation, Harmonics, Outline, Record, Scheme};
 use lumicache::math::{Color, Vec3};
-use lumicache::render::Frame;
+use lumicache::render::{Caches, Frame};
 use lumicache::scene::Scene;
 use lumicache::transport::{PathTracer, SceneReflector};
-use std::sync::Arc;
 
 /// What makes another scheme of one.
 type Change<'a> = &'a dyn Fn(&mut Scheme);
@@ -19,20 +15,20 @@ type Change<'a> = &'a dyn Fn(&mut Scheme);
 fn boxed(scene: &Scene, preset: &str, change: impl Fn(&mut Scheme)) -> Frame {
     let mut settings = cached(scene, preset, [48, 48], 1);
     settings.max_bounces = 2;
-    settings.scheme.rays = 256;
-    settings.scheme.noise = 0.0;
-    settings.scheme.min_pixels = 0.5;
-    settings.scheme.error = 1e-4;
+    settings.scheme.gather.rays = 256;
+    settings.scheme.gather.noise = 0.0;
+    settings.scheme.radius.min_pixels = 0.5;
+    settings.scheme.validity.error = 1e-4;
     change(&mut settings.scheme);
     settings.scheme.check().unwrap();
     render(scene, &settings)
 }
 
-fn records(frame: &Frame) -> &[Record] {
-    frame.gloss.as_ref().unwrap().levels[0].records()
+fn records(frame: &Frame) -> &[Record<Harmonics>] {
+    frame.caches.as_ref().unwrap().cache.radiance_records(0)
 }
 
-fn on_back_wall(r: &Record) -> bool {
+fn on_back_wall(r: &Record<Harmonics>) -> bool {
     r.normal.z < -0.9 && r.position.z > 5.5
 }
 
@@ -74,16 +70,16 @@ fn another_viewer_changes_areas_on_glossy_surfaces_alone_and_back() {
     let scene = build(own("cornell-box-phong"));
     let frame = boxed(&scene, "zhao-view", |_| ());
     let before = records(&frame).to_vec();
-    let mut gloss = Arc::into_inner(frame.gloss.unwrap()).unwrap();
+    let Caches { mut cache, lobes, .. } = frame.caches.unwrap();
     let reflector = SceneReflector {
         tracer: PathTracer { scene: &scene, max_bounces: 2 },
-        tables: &gloss.tables,
+        tables: lobes.as_ref().unwrap().tables(),
     };
     let eye = Vec3::from(scene.cameras()[0].to_world.translation);
     let mut see = |from: Vec3| -> Vec<f32> {
-        gloss.levels[0].see_from(&reflector, &|x| (from - x).normalize());
-        let ratios = gloss.levels[0]
-            .records()
+        cache.see_from(&reflector, &|x| (from - x).normalize());
+        let ratios = cache
+            .radiance_records(0)
             .iter()
             .zip(&before)
             .map(|(r, b)| (r.length_unclamped / b.length_unclamped).ln().abs());
@@ -115,14 +111,14 @@ fn records_are_as_large_as_they_should_be() {
     let scene = build(own("cornell-box-phong"));
     let each = |change: Change| {
         let frame = boxed(&scene, "zhao-incoming", change);
-        let gloss = frame.gloss.as_ref().unwrap();
+        let level = frame.caches.as_ref().unwrap().cache.level(0).unwrap();
         // What is there besides the coefficients, the irradiance and its index, is left out.
-        let rest = gloss.levels[0].placement().level(0).unwrap().bytes();
-        ((gloss.levels[0].bytes() - rest) as f64 / records(&frame).len() as f64, frame)
+        let rest = level.irradiance().bytes();
+        ((level.radiance().unwrap().bytes() - rest) as f64 / records(&frame).len() as f64, frame)
     };
     let (first, single) = each(&|_| ());
     let (second, _) = each(&|s| s.extrapolation = Extrapolation::Second);
-    let (half, halved) = each(&|s| s.radiance_storage = Storage::F16);
+    let (half, halved) = each(&|s| s.set("glossy.storage", "f16").unwrap());
     println!("{first:.0}, {second:.0}, {half:.0} bytes");
     assert!(first < 3600.0 + 350.0 && second < 7200.0 + 350.0 && half < 1800.0 + 350.0);
     // Half precision shows nowhere.
@@ -139,17 +135,19 @@ fn every_choice_makes_a_picture_of_the_same_brightness() {
         assert!(pixels.iter().all(|c| c.is_finite()));
         pixels.iter().map(|c| f64::from(c.element_sum())).sum::<f64>()
     };
-    let expected = brightness(&|s| s.error = 1e-5);
+    let expected = brightness(&|s| s.validity.error = 1e-5);
     let choices: [(&str, Change); 9] = [
         ("as it is", &|_| ()),
-        ("no extrapolation", &|s| s.extrapolation = Extrapolation::Zero),
+        ("no extrapolation", &|s| s.extrapolation = Extrapolation::Rotation),
         ("second order", &|s| s.extrapolation = Extrapolation::Second),
-        ("first-order areas", &|s| (s.radiance_metric, s.error) = (RadianceMetric::First, 1e-4)),
-        ("sectors", &|s| s.footprint = FootprintKind::Sectors),
-        ("discs", &|s| s.footprint = FootprintKind::Disc),
-        ("in the world's frame", &|s| s.set("radiance_frame", "world").unwrap()),
-        ("without the change of hits", &|s| s.hit_change = HitChange::None),
-        ("from hits", &|s| s.radiance_hits = HitStorage::Frozen),
+        ("first-order areas", &|s| {
+            s.set_all([("glossy.metric", "first-incoming"), ("validity.error", "1e-4")]).unwrap();
+        }),
+        ("sectors", &|s| s.radius.area = Outline::Sectors),
+        ("discs", &|s| s.radius.area = Outline::Disc),
+        ("in the world's frame", &|s| s.set("glossy.basis", "sh-world").unwrap()),
+        ("without the change of hits", &|s| s.set("glossy.hits", "none").unwrap()),
+        ("from hits", &|s| s.set("glossy.hits", "stored").unwrap()),
     ];
     for (what, change) in choices {
         let got = brightness(change);

@@ -111,12 +111,12 @@ pub fn text(bytes: &[u8]) -> String {
 /// A render that nobody waits for.
 pub const ENDLESS: &[&str] = &["--size", "640x480", "--spp", "1000000"];
 
-pub fn mean(layers: &Layers, channel: &str) -> f32 {
+pub fn mean(layers: &Picture, channel: &str) -> f32 {
     let samples =
         &layers.channel(channel).unwrap_or_else(|| panic!("there is no channel {channel}")).samples;
     samples.iter().sum::<f32>() / samples.len() as f32
 }
 
-pub fn names(layers: &Layers) -> Vec<&str> {
+pub fn names(layers: &Picture) -> Vec<&str> {
     layers.channels.iter().map(|c| c.name.as_str()).collect()
 }

@@ -1,14 +1,10 @@
 //! Pictures made inside the tests: scenes, frames, and the evidence left behind when one is wrong.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{
-    Cache, ErrorMeasure, Extrapolation, FillStats, FootprintKind, Kernel, LevelPoints, Metric,
-    Preset, Scheme, Strata,
-};
+use lumicache::cache::{Cache, Clamping, FillStats, LevelPoints, Preset, Scheme};
 use lumicache::camera::Camera;
 use lumicache::compare::{Options, Report, compare};
 use lumicache::film::LAYERS;
-use lumicache::gather::TranslationalGradient;
 use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::import;
@@ -22,6 +18,32 @@ use std::path::Path;
 /// The back ends that are compiled in.
 pub fn backends() -> &'static [Backend] {
     if cfg!(feature = "embree") { &Backend::ALL } else { &[Backend::Bvh] }
+}
+
+/// `scheme` after `change`.
+pub fn with(mut scheme: Scheme, change: impl FnOnce(&mut Scheme)) -> Scheme {
+    change(&mut scheme);
+    scheme
+}
+
+/// `scheme` for the first level alone.
+pub fn one_level(scheme: Scheme) -> Scheme {
+    with(scheme, |s| s.levels = 1)
+}
+
+/// `scheme` with no more than `most` rays per record.
+pub fn with_rays(scheme: Scheme, most: u32) -> Scheme {
+    with(scheme, |s| s.gather.rays = s.gather.rays.min(most))
+}
+
+/// Lets the neighbours of records bound them, or not.
+pub fn clamp_to_neighbours(scheme: &mut Scheme, clamped: bool) {
+    scheme.clamping = match (scheme.clamping.gradient(), clamped) {
+        (true, true) => Clamping::Both,
+        (true, false) => Clamping::Gradient,
+        (false, true) => Clamping::Neighbours,
+        (false, false) => Clamping::None,
+    };
 }
 
 /// The scheme of a preset.
@@ -93,7 +115,7 @@ pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<Su
 /// A cache of which only the first level is filled, at `points` in rounds of `round` (0: growing
 /// ones).
 pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, FillStats) {
-    let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene.size());
+    let mut cache = Cache::new(one_level(scheme), u32::MAX, scene.size());
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX });
     let stats = cache.fill(&probe, 0, points, 0, &Progress::default()).unwrap();
     (cache, stats)
@@ -202,18 +224,17 @@ pub fn assert_alike(
 
 /// The default preset with sectors from the Hessian in the place of its discs.
 pub fn sectors() -> Scheme {
-    Scheme {
-        strata: Strata::Concentric,
-        metric: Metric::Hessian,
-        error_measure: ErrorMeasure::Total,
-        footprint: FootprintKind::Sectors,
-        kernel: Kernel::Schwarzhaupt,
-        normal_limit: 0.2,
-        error: 1e-5,
-        translational_gradient: TranslationalGradient::Triangulated,
-        extrapolation: Extrapolation::Second,
-        nearest_fraction: 0.0,
-        neighbour_clamp: false,
-        ..Preset::by_name("auto").unwrap().scheme()
-    }
+    let settings = [
+        ("gather.strata", "concentric"),
+        ("gather.gradient", "triangulated"),
+        ("radius.metric", "hessian-total"),
+        ("radius.area", "sectors"),
+        ("radius.nearest", "0"),
+        ("validity.kernel", "schwarzhaupt"),
+        ("validity.normal_limit", "0.2"),
+        ("validity.error", "1e-5"),
+        ("extrapolation.kind", "second"),
+        ("clamping", "gradient"),
+    ];
+    with(scheme("auto"), |s| s.set_all(settings).unwrap())
 }

@@ -1,7 +1,9 @@
 //! Caches refined to convergence, over scenes and over a floor in a field of light.
 
-use crate::support::pictures::{build, own, scheme};
-use lumicache::cache::{Appearance, Cache, FillStats, LevelPoints, Record, Scheme};
+use crate::support::pictures::{build, one_level, own, scheme, with_rays};
+use lumicache::cache::{
+    Appearance, Appearances, Cache, FillStats, Irradiance, LevelPoints, RadiusRule, Record, Scheme,
+};
 use lumicache::gather::{Bundle, Deeper, HitKind, RadianceProbe};
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::{Color, Frame, Vec3};
@@ -27,13 +29,15 @@ impl Refined {
         scene_size: f32,
         seen: Vec<(SurfacePoint, Appearance)>,
     ) -> Self {
-        let mut cache = Cache::new(Scheme { levels: 1, ..scheme }, u32::MAX, scene_size);
+        let mut cache = Cache::new(one_level(scheme), u32::MAX, scene_size);
         let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
-        let points = LevelPoints { points, round: 0 };
+        let points = LevelPoints::from(points);
         let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
         let unrefined = records(&cache).len();
+        let appearances = Appearances { of_points: appearance, lobes: None };
         let second =
-            cache.converge(probe, 0, &points.points, &appearance, 0, &Progress::default()).unwrap();
+            cache.refine(probe, 0, &points, &appearances, 0, &Progress::default()).unwrap();
+        let appearance = appearances.of_points;
         Self { cache, points: points.points, appearance, stats: [first, second], unrefined }
     }
 
@@ -42,13 +46,13 @@ impl Refined {
         Self::new(&probe(scene), scheme, scene.size(), seen(scene, size))
     }
 
-    pub fn records(&self) -> &[Record] {
+    pub fn records(&self) -> &[Record<Irradiance>] {
         records(&self.cache)
     }
 }
 
-pub fn records(cache: &Cache) -> &[Record] {
-    cache.level(0).unwrap().records()
+pub fn records(cache: &Cache) -> &[Record<Irradiance>] {
+    cache.records(0)
 }
 
 pub fn probe(scene: &Scene) -> SceneProbe<'_> {
@@ -72,13 +76,19 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<(SurfacePoint, Appearance)> {
         (sample.camera, sample.seed)
     };
     let rays: Vec<_> = pixels.into_iter().map(ray).collect();
-    PathTracer { scene, max_bounces: u32::MAX }.appearances(&rays).into_iter().flatten().collect()
+    let views = PathTracer { scene, max_bounces: u32::MAX }.views(&rays, None);
+    views.into_iter().flatten().map(|(point, _, appearance)| (point, appearance)).collect()
+}
+
+/// The irradiance at `at` extrapolated from `record` alone, to first order.
+pub fn extrapolated(record: &Record<Irradiance>, rule: &RadiusRule, at: &SurfacePoint) -> Color {
+    let (_, slope) = rule.radius(record.length, record.footprint);
+    record.payload.at(record.normal, at.frame.n, at.position - record.position, slope)
 }
 
 /// With few rays: what is tested does not depend on their number.
 pub fn quick(preset: &str) -> Scheme {
-    let scheme = scheme(preset);
-    Scheme { rays: scheme.rays.min(128), ..scheme }
+    with_rays(scheme(preset), 128)
 }
 
 /// Light that is the same from every direction; how much there is depends on where it arrives.

@@ -27,6 +27,13 @@ pub fn files(folder: &str, extensions: &[&str]) -> Vec<PathBuf> {
     found
 }
 
+/// The Markdown files of the project.
+pub fn documents() -> Vec<PathBuf> {
+    let top = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(PathBuf::from);
+    let below = ["docs", "ffi", "benches", "fuzz"].map(|folder| files(folder, &["md"]));
+    top.into_iter().chain(below.concat()).collect()
+}
+
 pub fn read(path: &Path) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }

@@ -4,14 +4,15 @@
 use crate::support::desk::{Desk, ENDLESS, QUICK, mean, scene, text};
 use crate::support::gltf_maker::Gltf;
 use lumicache::compare::{Options, compare};
-use lumicache::imagefile::exr::{self, Channel, Layers, SampleKind};
 use lumicache::imagefile::ldr;
+use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 #[test]
 fn a_sky_lights_the_scene() {
     let desk = Desk::new();
-    let mean = |image: &Layers| image.channel("R").unwrap().samples.iter().sum::<f32>();
+    let mean = |image: &Picture| image.channel("R").unwrap().samples.iter().sum::<f32>();
     let dim = desk.render(
         "curved-spheres",
         &["--sky", "overcast,elevation=30", "--light-units", "radiometric"],
@@ -98,10 +99,13 @@ fn bad_values_are_one_clear_line() {
     // The file at fault, or the argument, is in every message.
     let cases: &[(&[&str], &[&str])] = &[
         (&["--set", "nonsense=1"], &["`nonsense`", "rays"]),
-        (&["--set", "rays"], &["KEY=VALUE"]),
-        (&["--set", "rays=few"], &["`rays`"]),
-        (&["--rays", "1"], &["`rays`"]),
-        (&["--error", "0"], &["`error`"]),
+        (&["--set", "gather.rays"], &["KEY=VALUE"]),
+        (&["--set", "gather.rays=few"], &["`gather.rays`", "few", "from 16"]),
+        (&["--set", "gather.ray=1"], &["`gather.ray`", "gather.rays, gather.deeper_rays"]),
+        (&["--set", "validity.kernel=gauss"], &["`validity.kernel`", "ward, tabellion"]),
+        (&["--set", "extrapolation.error=1"], &["no effect", "`extrapolation.kind` is first"]),
+        (&["--rays", "1"], &["`gather.rays`"]),
+        (&["--error", "0"], &["`validity.error`"]),
         (&["--preset", "nonsense"], &["`nonsense`", "tabellion04"]),
         (&["--aov", "nonsense"], &["`nonsense`", "diffuse_direct"]),
         (&["--aov", "albedo,,N"], &["layer"]),
@@ -212,7 +216,7 @@ fn the_environment_is_scaled_and_turned() {
         .to_vec();
     exr::write(
         &desk.path("sky.exr"),
-        &Layers { width: 8, height: 4, channels, ..Layers::default() },
+        &Picture { width: 8, height: 4, channels, ..Picture::default() },
     )
     .unwrap();
     let shot = |more: &[&str]| {
@@ -232,33 +236,70 @@ fn the_environment_is_scaled_and_turned() {
 }
 
 #[test]
-fn presets_as_a_table_and_as_json() {
+fn presets_are_listed_and_what_is_printed_reads_back() {
     let desk = Desk::new();
     let table = desk.print(&["presets"]);
+    assert!(table.lines().all(|line| line.chars().count() <= 100), "{table}");
     let list: Value = serde_json::from_str(&desk.print(&["presets", "--json"])).unwrap();
     let list = list.as_array().unwrap();
-    assert!(list.len() >= 5);
+    assert_eq!(table.lines().count(), list.len());
+    let mut all = BTreeSet::new();
     for preset in list {
         let name = preset["name"].as_str().unwrap();
-        assert!(
-            table.contains(name) && table.contains(preset["source"].as_str().unwrap()),
-            "{name}"
-        );
-        for (key, value) in preset["scheme"].as_object().unwrap() {
-            assert!(table.contains(key.as_str()), "{key} is not in the table");
-            // What is printed can be set.
-            let setting = format!(
-                "{key}={}",
-                value.as_str().map_or_else(|| value.to_string(), str::to_owned)
-            );
-            let run = desk.run(&["render", "missing.gltf", "--preset", name, "--set", &setting]);
-            assert!(
-                text(&run.stderr).contains("missing.gltf"),
-                "{name} --set {setting}: {}",
-                text(&run.stderr)
+        let source = preset["source"].as_str().unwrap();
+        assert!(table.contains(name) && table.contains(source), "{name}");
+        let settings = preset["scheme"].as_object().unwrap();
+        all.extend(settings.keys().filter(|k| k.contains('.') || settings[*k] != "none").cloned());
+        // What is printed can be set, all at once and in any order.
+        let flags: Vec<String> = settings
+            .iter()
+            .rev()
+            .map(|(k, v)| {
+                format!("{k}={}", v.as_str().map_or_else(|| v.to_string(), str::to_owned))
+            })
+            .collect();
+        let mut arguments = vec!["render", "missing.gltf", "--preset", name];
+        flags.iter().for_each(|flag| arguments.extend(["--set", flag]));
+        desk.fail(&arguments, &["missing.gltf"]);
+        // And so can the texts.
+        for (more, file) in [(None, "short.toml"), (Some("--all"), "long.toml")] {
+            let arguments: Vec<&str> = ["presets", name].into_iter().chain(more).collect();
+            std::fs::write(desk.path(file), desk.print(&arguments)).unwrap();
+            assert_eq!(
+                desk.print(&["presets", file, "--all"]),
+                desk.print(&["presets", name, "--all"])
             );
         }
     }
+    all.insert("clamping".into());
+    assert!(all.len() <= 40, "{} settings: {all:?}", all.len());
+}
+
+#[test]
+fn a_scheme_of_ones_own_is_a_file() {
+    let desk = Desk::new();
+    let write = |text: &str| std::fs::write(desk.path("mine.toml"), text).unwrap();
+    let render = ["render", &scene("cornell-box"), "--size", "16x12", "--spp", "1", "--quiet"];
+    let run = [&render[..], &["--preset", "mine.toml", "--cache-save", "a.lumi", "-o", "a.exr"]];
+    write("base = \"tabellion04\"\nlevels = 1\n\n[gather]\nrays = 32\n");
+    desk.print(&run.concat());
+    let info = desk.print(&["cache", "info", "a.lumi"]);
+    assert!(info.contains("gather.rays") && info.contains("minimum-restricted"), "{info}");
+    let fail = |text: &str, words: &[&str]| {
+        write(text);
+        desk.fail(&run.concat(), &[&["mine.toml"], words].concat());
+    };
+    fail("base = \"auto\"\n\n[gather]\nray = 3\n", &["line 4", "`gather.ray`", "gather.rays"]);
+    fail("base = \"auto\"\ngather.rays = 3\n", &["line 2", "`gather.rays`", "from 16 to 1000000"]);
+    fail("base = \"auto\"\ngather.rays = [1]\n", &["line 2", "`gather.rays`", "one value"]);
+    fail("base = \"auto\"\n[gather\n", &["line 2"]);
+    fail("base = \"nobody\"\n", &["`nobody`", "krivanek06"]);
+    fail(
+        "base = \"auto\"\nextrapolation.error = 0.1\n",
+        &["line 2", "extrapolation.kind", "first"],
+    );
+    fail("levels = 1\n", &["`gather.strata`", "base"]);
+    desk.fail(&[&render[..], &["--preset", "other.toml"]].concat(), &["other.toml"]);
 }
 
 #[test]

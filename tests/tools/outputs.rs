@@ -1,8 +1,8 @@
 //! What `render` writes: size, layers, preview, statistics.
 
 use crate::support::desk::{Desk, mean, names};
-use lumicache::imagefile::exr::{Attribute, Crop, Layers, SampleKind};
 use lumicache::imagefile::ldr;
+use lumicache::imagefile::{Attribute, Crop, Picture, SampleKind};
 use serde_json::{Value, json};
 
 #[test]
@@ -57,7 +57,7 @@ fn aov_chooses_the_layers() {
             );
         }
     }
-    let kind = |layers: &Layers, name: &str| layers.channel(name).map(|c| c.kind);
+    let kind = |layers: &Picture, name: &str| layers.channel(name).map(|c| c.kind);
     assert_eq!(
         (kind(&basic, "R"), kind(&basic, "N.X"), kind(&basic, "Z")),
         (Some(SampleKind::Half), Some(SampleKind::Half), Some(SampleKind::Float))

@@ -1,7 +1,7 @@
 //! A render that somebody watches in a viewer, or interrupts.
 
 use crate::support::desk::{Desk, ENDLESS, mean, scene, text};
-use lumicache::imagefile::exr::{self, Attribute};
+use lumicache::imagefile::{Attribute, exr};
 use serde_json::json;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};

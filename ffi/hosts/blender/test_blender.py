@@ -1,7 +1,8 @@
 """Renders a room with the add-on to a multi-layer EXR, and with Cycles, and compares.
 
-   LUMICACHE_LIBRARY=.../liblumicache.so.1 python test_blender.py OUT-FOLDER
+LUMICACHE_LIBRARY=.../liblumicache.so.1 python test_blender.py OUT-FOLDER
 """
+
 import sys
 from pathlib import Path
 
@@ -31,7 +32,8 @@ def plane(name, location, rotation, color):
 
 
 def room():
-    """A box without its front, 2 wide, with a cube, an instance of a sphere, a chequered floor and an area light below the ceiling."""
+    """A box without its front, 2 wide, with a cube, an instance of a sphere, a chequered floor and
+    an area light below the ceiling."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     half = np.pi / 2
     plane("floor", (0, 0, 0), (0, 0, 0), (0.7, 0.7, 0.7))
@@ -41,14 +43,18 @@ def room():
     plane("right", (1, 0, 1), (0, -half, 0), (0.1, 0.6, 0.1))
     image = bpy.data.images.new("chequers", 8, 8)
     tile = np.indices((8, 8)).sum(0) % 2
-    image.pixels.foreach_set(np.stack([0.4 + 0.4 * tile] * 3 + [np.ones((8, 8))], 2).astype(np.float32).ravel())
+    image.pixels.foreach_set(
+        np.stack([0.4 + 0.4 * tile] * 3 + [np.ones((8, 8))], 2).astype(np.float32).ravel()
+    )
     tree = bpy.data.materials["floor"].node_tree
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image, node.interpolation = image, "Closest"
     tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     bpy.ops.mesh.primitive_cube_add(size=0.6, location=(-0.35, 0.3, 0.3), rotation=(0, 0, 0.3))
     bpy.context.object.data.materials.append(material("cube", (0.8, 0.8, 0.8)))
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.3, location=(0.4, -0.1, 0.3), segments=32, ring_count=16)
+    bpy.ops.mesh.primitive_uv_sphere_add(
+        radius=0.3, location=(0.4, -0.1, 0.3), segments=32, ring_count=16
+    )
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material("sphere", (0.3, 0.4, 0.8)))
     bpy.ops.object.light_add(type="AREA", location=(0, 0, 1.99))
@@ -60,7 +66,11 @@ def room():
     scene.world = bpy.data.worlds.new("black")
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = WIDTH, HEIGHT, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = (
+        WIDTH,
+        HEIGHT,
+        100,
+    )
     scene.view_settings.view_transform = "Standard"
     return scene
 
@@ -96,16 +106,25 @@ def main(folder):
     render(scene, "LUMICACHE", folder / "lumicache.png", "PNG")
     render(scene, "LUMICACHE", folder / "lumicache.exr", "OPEN_EXR")
     scene.cycles.device, scene.cycles.samples, scene.cycles.max_bounces = "CPU", 128, 64
-    scene.cycles.diffuse_bounces, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 64, False, False
+    scene.cycles.diffuse_bounces, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = (
+        64,
+        False,
+        False,
+    )
     render(scene, "CYCLES", folder / "cycles.exr", "OPEN_EXR")
     ours, cycles = pixels(folder / "lumicache.exr"), pixels(folder / "cycles.exr")
     # Not the lamp, which Cycles hides from the camera.
     dim = np.maximum(ours, cycles).max(2, keepdims=True) < 3
     ours, cycles = ours * dim, cycles * dim
     ratio = float(ours.mean() / cycles.mean())
-    blocks = [image.reshape(HEIGHT // 20, 20, WIDTH // 20, 20, 3).mean((1, 3)) for image in (ours, cycles)]
+    blocks = [
+        image.reshape(HEIGHT // 20, 20, WIDTH // 20, 20, 3).mean((1, 3)) for image in (ours, cycles)
+    ]
     worst = float(np.abs(blocks[0] - blocks[1]).max() / blocks[1].mean())
-    print(f"Blender {bpy.app.version_string}: mean over that of Cycles {ratio:.4f}, blocks of 20 x 20 pixels differ by {worst:.3f} of the mean at most")
+    print(
+        f"Blender {bpy.app.version_string}: mean over that of Cycles {ratio:.4f}, "
+        f"blocks of 20 x 20 pixels differ by {worst:.3f} of the mean at most"
+    )
     assert abs(ratio - 1) < 0.02 and worst < 0.2, "the picture is not that of Cycles"
 
 

@@ -1,8 +1,9 @@
-// An integrator for Mitsuba 3 (variant scalar_rgb): Mitsuba traces and shades what the camera sees and its direct light, Lumicache answers with the indirect light of
-// diffuse surfaces.
+// An integrator for Mitsuba 3 (variant scalar_rgb). Mitsuba traces and shades what the camera sees
+// and its direct light; Lumicache answers with the indirect light of diffuse surfaces.
 //
-// Shapes, the diffuse reflectance of their BSDFs, area lights and the environment are handed to the library once; records are made where the camera looks. README.md
-// has the parameters and the limits.
+// The library gets shapes, the diffuse reflectance of their BSDFs, area lights and the environment
+// once. Records are made at the points that the camera sees. README.md has the parameters and the
+// limits.
 
 #include <lumicache.h>
 
@@ -30,13 +31,14 @@ public:
 
     LumicacheIntegrator(const Properties &props) : Base(props) {
         if constexpr (!Supported)
-            Throw("lumicache: this plugin serves the variant scalar_rgb");
+            Throw("lumicache: this plugin is for the variant scalar_rgb");
         m_preset = props.get<std::string>("preset", "auto");
         m_quality = props.get<ScalarFloat>("quality", 1.f);
         m_direct_samples = (uint32_t) props.get<int>("direct_samples", 1);
         m_cache_file = props.get<std::string>("cache_file", "");
         if (lumi_get_abi_version() >> 16 != LUMI_ABI_VERSION >> 16)
-            Throw("lumicache: the library %s has another ABI than the plugin", lumi_get_version_string());
+            Throw("lumicache: the library %s has another ABI than the plugin",
+                  lumi_get_version_string());
         check(lumi_device_new(LUMI_ABI_VERSION, nullptr, &m_device));
         char backend[64];
         check(lumi_device_get_backend(m_device, backend, sizeof backend));
@@ -48,13 +50,15 @@ public:
         lumi_device_release(m_device);
     }
 
-    TensorXf render(Scene *scene, Sensor *sensor, UInt32 seed, uint32_t spp, bool develop, bool evaluate) override {
+    TensorXf render(Scene *scene, Sensor *sensor, UInt32 seed, uint32_t spp, bool develop,
+                    bool evaluate) override {
         if constexpr (Supported)
             prepare(scene, sensor);
         return Base::render(scene, sensor, seed, spp, develop, evaluate);
     }
 
-    std::pair<Spectrum, Mask> sample(const Scene *scene, Sampler *sampler, const RayDifferential3f &ray, const Medium *, Float *,
+    std::pair<Spectrum, Mask> sample(const Scene *scene, Sampler *sampler,
+                                     const RayDifferential3f &ray, const Medium *, Float *,
                                      Mask active) const override {
         if constexpr (Supported) {
             SurfaceInteraction3f si = scene->ray_intersect(ray, active);
@@ -69,7 +73,8 @@ public:
             for (uint32_t i = 0; i < m_direct_samples; i++) {
                 auto [ds, weight] = scene->sample_emitter_direction(si, sampler->next_2d(), true);
                 if (ds.pdf > 0.f)
-                    result += bsdf->eval(context, si, si.to_local(ds.d)) * weight / (float) m_direct_samples;
+                    result += bsdf->eval(context, si, si.to_local(ds.d)) * weight /
+                              (float) m_direct_samples;
             }
             result += bsdf->eval_diffuse_reflectance(si) * indirect(si, ray.d) * dr::InvPi<float>;
             return { result, true };
@@ -88,7 +93,7 @@ private:
         Throw("%s", message);
     }
 
-    /// The surface normal on the side that is looked at.
+    /// The surface normal on the side of the viewer.
     static auto facing(const SurfaceInteraction3f &si, const Vector3f &d) {
         auto n = si.sh_frame.n;
         return dr::dot(n, d) > 0.f ? -n : n;
@@ -96,7 +101,8 @@ private:
 
     Spectrum indirect(const SurfaceInteraction3f &si, const Vector3f &d) const {
         auto n = facing(si, d);
-        float position[3] = { si.p.x(), si.p.y(), si.p.z() }, normal[3] = { n.x(), n.y(), n.z() }, irradiance[3];
+        float position[3] = { si.p.x(), si.p.y(), si.p.z() };
+        float normal[3] = { n.x(), n.y(), n.z() }, irradiance[3];
         lumi_query query{};
         query.struct_size = sizeof query;
         // A point that was not among the seeds gets a record of its own.
@@ -118,8 +124,10 @@ private:
             for (auto &shape : scene->shapes())
                 add_shape(world, shape.get());
             for (auto &emitter : scene->emitters())
-                if (!has_flag(emitter->flags(), EmitterFlags::Surface) && !has_flag(emitter->flags(), EmitterFlags::Infinite))
-                    Throw("lumicache: of lights, area emitters and environments are supported, not %s", emitter->to_string());
+                if (!has_flag(emitter->flags(), EmitterFlags::Surface) &&
+                    !has_flag(emitter->flags(), EmitterFlags::Infinite))
+                    Throw("lumicache: area emitters and environments are supported, not %s",
+                          emitter->to_string());
             if (scene->environment())
                 add_environment(world, scene->environment());
             check(lumi_scene_commit(world));
@@ -141,7 +149,7 @@ private:
         m_prepared = scene;
     }
 
-    /// Makes records where the camera looks: one point for each pixel.
+    /// Makes records at the points that the camera sees, one for each pixel.
     void seed(Scene *scene, Sensor *sensor) {
         auto size = sensor->film()->crop_size();
         std::vector<float> position, normal, footprint;
@@ -163,7 +171,8 @@ private:
         lumi_query query{};
         query.struct_size = sizeof query;
         query.n = footprint.size();
-        query.position = position.data(), query.normal = normal.data(), query.footprint = footprint.data();
+        query.position = position.data(), query.normal = normal.data();
+        query.footprint = footprint.data();
         check(lumi_cache_build(m_cache, &query));
         lumi_stats stats{};
         stats.struct_size = sizeof stats;
@@ -176,7 +185,8 @@ private:
     }
 
     /// Vertices and triangles of a mesh, or a grid over the parameters of another shape.
-    static void triangulate(Shape *shape, std::vector<float> &vertices, std::vector<uint32_t> &indices) {
+    static void triangulate(Shape *shape, std::vector<float> &vertices,
+                            std::vector<uint32_t> &indices) {
         if (shape->is_mesh()) {
             auto *mesh = static_cast<Mesh *>(shape);
             const float *v = mesh->vertex_positions_buffer().data();
@@ -188,7 +198,8 @@ private:
         const uint32_t n = 48;
         for (uint32_t j = 0; j <= n; j++)
             for (uint32_t i = 0; i <= n; i++) {
-                SurfaceInteraction3f si = shape->eval_parameterization(Point2f((float) i / n, (float) j / n));
+                Point2f uv((float) i / n, (float) j / n);
+                SurfaceInteraction3f si = shape->eval_parameterization(uv);
                 vertices.insert(vertices.end(), { si.p.x(), si.p.y(), si.p.z() });
                 uint32_t a = j * (n + 1) + i;
                 if (i < n && j < n)
@@ -209,7 +220,9 @@ private:
         si.shape = shape;
         lumi_material_desc material;
         check(lumi_material_init(&material));
-        Spectrum albedo = shape->bsdf() ? shape->bsdf()->eval_diffuse_reflectance(si) : Spectrum(0.f);
+        Spectrum albedo(0.f);
+        if (shape->bsdf())
+            albedo = shape->bsdf()->eval_diffuse_reflectance(si);
         Spectrum emission = shape->is_emitter() ? shape->emitter()->eval(si) : Spectrum(0.f);
         for (size_t k = 0; k < 3; k++) {
             material.base_color[k] = std::clamp((float) albedo[k], 0.f, 1.f);
@@ -233,9 +246,11 @@ private:
         std::vector<float> pixels;
         for (uint32_t y = 0; y < height; y++)
             for (uint32_t x = 0; x < width; x++) {
-                float theta = (y + .5f) / height * dr::Pi<float>, phi = ((x + .5f) / width - .5f) * dr::TwoPi<float>;
+                float theta = (y + .5f) / height * dr::Pi<float>;
+                float phi = ((x + .5f) / width - .5f) * dr::TwoPi<float>;
                 SurfaceInteraction3f si = dr::zeros<SurfaceInteraction3f>();
-                si.wi = -Vector3f(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
+                si.wi = -Vector3f(std::sin(theta) * std::cos(phi), std::cos(theta),
+                                  std::sin(theta) * std::sin(phi));
                 Spectrum radiance = environment->eval(si);
                 for (size_t k = 0; k < 3; k++)
                     pixels.push_back((float) radiance[k]);

@@ -1,11 +1,14 @@
-"""An integrator for Mitsuba 3 in which Mitsuba keeps its scene: it lends Lumicache its rays and its direct light by a callback, and gets indirect light back.
+"""An integrator for Mitsuba 3 in which Mitsuba keeps its scene. A callback lends Lumicache rays and
+direct light; Lumicache answers with indirect light.
 
-Works with everything that Mitsuba can intersect and shade, textures and all lights included. For vectorised variants (llvm_ad_rgb); see README.md.
+Everything works that Mitsuba can intersect and shade, textures and all lights included. For
+vectorised variants (llvm_ad_rgb); see README.md.
 
     import lumicache_integrator
     lumicache_integrator.register("/usr/local/lib/liblumicache.so.1")
     scene = mi.load_dict({..., "integrator": {"type": "lumicache_host"}})
 """
+
 import sys
 import threading
 from pathlib import Path
@@ -27,7 +30,7 @@ def vector(kind, array):
 
 
 def facing(si, direction):
-    """The shading normal on the side that is looked at."""
+    """The shading normal on the side of the viewer."""
     n = si.sh_frame.n
     return dr.select(dr.dot(n, direction) > 0, -n, n)
 
@@ -35,22 +38,34 @@ def facing(si, direction):
 def direct(scene, si, bsdf, sample, active):
     """Reflected light of one emitter sample."""
     ds, weight = scene.sample_emitter_direction(si, sample, True, active)
-    return dr.select(active & (ds.pdf > 0), bsdf.eval(mi.BSDFContext(), si, si.to_local(ds.d), active) * weight, 0)
+    return dr.select(
+        active & (ds.pdf > 0),
+        bsdf.eval(mi.BSDFContext(), si, si.to_local(ds.d), active) * weight,
+        0,
+    )
 
 
 class HostIntegrator(mi.SamplingIntegrator):
     def __init__(self, props, path):
         super().__init__(props)
-        self.settings = {name: props.get(name) for name in ("quality", "rays", "error", "max_bounces") if props.has_property(name)}
+        names = {"rays": "gather.rays", "error": "validity.error"}
+        self.settings = {
+            names.get(name, name): props.get(name)
+            for name in ("quality", "rays", "error", "max_bounces")
+            if props.has_property(name)
+        }
         self.preset = props.get("preset", "auto")
         self.flags = lumicache.HOST_CONCURRENT if props.get("concurrent", False) else 0
-        self.library = lumicache.Library(path, log=lambda severity, text: mi.Log(mi.LogLevel.Warn if severity else mi.LogLevel.Info, text))
+        levels = (mi.LogLevel.Info, mi.LogLevel.Warn)
+        self.library = lumicache.Library(
+            path, log=lambda severity, text: mi.Log(levels[severity > 0], text)
+        )
         self.cache, self.prepared = None, None
         # Dr.Jit is used by one thread at a time, whichever that is.
         self.turn = threading.Lock()
 
     def trace(self, scene, rays):
-        """What the callback answers: nearest hits, their normals and albedos, and the direct light that they reflect."""
+        """The answers of the callback: nearest hits, normals, albedos, reflected direct light."""
         ray = mi.Ray3f(vector(mi.Point3f, rays.origin), vector(mi.Vector3f, rays.dir))
         si = scene.ray_intersect(ray)
         hit = si.is_valid()
@@ -77,10 +92,14 @@ class HostIntegrator(mi.SamplingIntegrator):
         return super().render(scene, sensor, seed, spp, develop, evaluate)
 
     def prepare(self, scene, sensor):
-        """Makes records where the camera looks: one point for each pixel."""
+        """Makes records at the points that the camera sees, one for each pixel."""
         world = self.library.scene()
         box = scene.bbox()
-        world.set_host(lambda rays: self.locked_trace(scene, rays), (tuple(box.min), tuple(box.max)), self.flags)
+        world.set_host(
+            lambda rays: self.locked_trace(scene, rays),
+            (tuple(box.min), tuple(box.max)),
+            self.flags,
+        )
         world.commit()
         self.cache = world.cache(self.preset)
         self.cache.set(**self.settings)
@@ -104,7 +123,9 @@ class HostIntegrator(mi.SamplingIntegrator):
         emitted = si.emitter(scene, active).eval(si, active)
         lit = direct(scene, si, bsdf, sampler.next_2d(active), hit)
         irradiance, _ = self.cache.query(rows(si.p), rows(facing(si, ray.d)))
-        indirect = bsdf.eval_diffuse_reflectance(si, hit) * vector(mi.Color3f, irradiance) * dr.inv_pi
+        indirect = (
+            bsdf.eval_diffuse_reflectance(si, hit) * vector(mi.Color3f, irradiance) * dr.inv_pi
+        )
         return emitted + dr.select(hit, lit + indirect, 0), hit, []
 
     def aov_names(self):

@@ -1,4 +1,5 @@
-"""Plain glTF scenes (meshes, diffuse colours, emission, one camera) as Mitsuba scenes: enough for the tests."""
+"""Plain glTF scenes (meshes, diffuse colours, emission, a camera) as Mitsuba scenes, for tests."""
+
 import json
 import struct
 from pathlib import Path
@@ -38,8 +39,10 @@ def matrix(node):
 def write_ply(path, positions, triangles):
     with open(path, "wb") as out:
         out.write(
-            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\nproperty float z\n"
-            f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n".encode()
+            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\n"
+            "property float x\nproperty float y\nproperty float z\n"
+            f"element face {len(triangles)}\nproperty list uchar int vertex_indices\n"
+            "end_header\n".encode()
         )
         out.write(np.asarray(positions, "<f4").tobytes())
         for t in triangles:
@@ -47,7 +50,7 @@ def write_ply(path, positions, triangles):
 
 
 def load(mi, path, folder, size, spp, integrator):
-    """The scene of the glTF file `path` as a dictionary for `mi.load_dict`; meshes are written to `folder`."""
+    """The glTF file `path` as a dictionary for `mi.load_dict`; meshes go to `folder`."""
     path = Path(path)
     gltf = json.loads(path.read_text())
     scene = {"type": "scene", "integrator": integrator}
@@ -66,21 +69,40 @@ def load(mi, path, folder, size, spp, integrator):
                 "fov": float(np.degrees(camera["yfov"])),
                 "fov_axis": "y",
                 "to_world": mi.ScalarTransform4f(to_world),
-                "film": {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
+                "film": {
+                    "type": "hdrfilm",
+                    "width": size,
+                    "height": size,
+                    "rfilter": {"type": "box"},
+                    "pixel_format": "rgb",
+                },
                 "sampler": {"type": "independent", "sample_count": spp},
             }
-        for k, primitive in enumerate(gltf["meshes"][node["mesh"]]["primitives"] if "mesh" in node else []):
+        for k, primitive in enumerate(
+            gltf["meshes"][node["mesh"]]["primitives"] if "mesh" in node else []
+        ):
             positions = accessor(gltf, path.parent, primitive["attributes"]["POSITION"])
             indices = accessor(gltf, path.parent, primitive["indices"]).reshape(-1, 3)
             positions = positions @ world[:3, :3].T + world[:3, 3]
             name = f"mesh-{number}-{k}"
             write_ply(Path(folder) / f"{name}.ply", positions, indices)
             material = gltf["materials"][primitive["material"]]
-            color = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])[:3]
-            strength = material.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1)
+            color = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])[
+                :3
+            ]
+            strength = (
+                material.get("extensions", {})
+                .get("KHR_materials_emissive_strength", {})
+                .get("emissiveStrength", 1)
+            )
             emission = [c * strength for c in material.get("emissiveFactor", [0, 0, 0])]
             diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": color}}
-            shape = {"type": "ply", "filename": str(Path(folder) / f"{name}.ply"), "face_normals": True, "bsdf": {"type": "twosided", "a": diffuse}}
+            shape = {
+                "type": "ply",
+                "filename": str(Path(folder) / f"{name}.ply"),
+                "face_normals": True,
+                "bsdf": {"type": "twosided", "a": diffuse},
+            }
             if any(emission):
                 shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": emission}}
             scene[name] = shape

@@ -1,7 +1,9 @@
-"""Renders a scene with the plugin and with Mitsuba's own path tracer, and compares both with the reference or with one another.
+"""Renders a scene with the plugin and with Mitsuba's own path tracer, and compares both with the
+reference or with one another.
 
    python test_plugin.py SCENE.gltf [REFERENCE.exr]
 """
+
 import sys
 import tempfile
 import time
@@ -33,11 +35,17 @@ def main(scene_file, reference_file=None):
         # The path tracer with as many samples as take about the same CPU time, and with many.
         _, cpu, _ = render(scene_file, {"type": "path", "max_depth": -1, "rr_depth": 12}, 4, folder)
         equal = max(1, round(4 * cached_cpu / cpu))
-        path, path_cpu, _ = render(scene_file, {"type": "path", "max_depth": -1, "rr_depth": 12}, equal, folder)
-        many, _, _ = render(scene_file, {"type": "path", "max_depth": -1, "rr_depth": 12}, 256, folder)
+        path, path_cpu, _ = render(
+            scene_file, {"type": "path", "max_depth": -1, "rr_depth": 12}, equal, folder
+        )
+        many, _, _ = render(
+            scene_file, {"type": "path", "max_depth": -1, "rr_depth": 12}, 256, folder
+        )
     if reference_file:
         full = np.array(mi.Bitmap(reference_file), dtype=np.float32)
-        full = full.reshape(SIZE, full.shape[0] // SIZE, SIZE, full.shape[1] // SIZE, full.shape[2]).mean((1, 3))
+        full = full.reshape(
+            SIZE, full.shape[0] // SIZE, SIZE, full.shape[1] // SIZE, full.shape[2]
+        ).mean((1, 3))
         reference, mask = full[:, :, :3], full[:, :, 3] > 0.999
     else:
         # Pixels that see the lamp say nothing of indirect light.

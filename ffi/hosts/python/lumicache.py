@@ -1,4 +1,5 @@
-"""Lumicache for Python hosts: the C library by ctypes, arrays by numpy. docs/CAPI.md says what the functions do.
+"""Lumicache for Python hosts: the C library by ctypes, arrays by numpy. docs/CAPI.md describes the
+functions.
 
     import lumicache
     library = lumicache.Library("/usr/local/lib/liblumicache.so.1")
@@ -8,6 +9,7 @@
 
 Objects release their handles when they go. Arrays are float32, one row per point.
 """
+
 import ctypes as c
 
 import numpy as np
@@ -29,41 +31,61 @@ class Error(RuntimeError):
 
 
 class View(c.Structure):
-    _fields_ = [("data", c.c_void_p), ("count", c.c_size_t), ("stride", c.c_size_t), ("format", c.c_uint32), ("flags", c.c_uint32)]
+    _fields_ = [
+        ("data", c.c_void_p),
+        ("count", c.c_size_t),
+        ("stride", c.c_size_t),
+        ("format", c.c_uint32),
+        ("flags", c.c_uint32),
+    ]
 
 
 class MeshDesc(c.Structure):
     _fields_ = (
         [("struct_size", c.c_uint32), ("flags", c.c_uint32)]
-        + [(name, View) for name in ("positions", "indices", "normals", "uv0", "colors", "triangle_materials")]
+        + [
+            (name, View)
+            for name in ("positions", "indices", "normals", "uv0", "colors", "triangle_materials")
+        ]
         + [("material", c.c_uint32), ("reserved", c.c_uint32)]
     )
 
 
 class MaterialDesc(c.Structure):
     _fields_ = [
-        ("struct_size", c.c_uint32), ("flags", c.c_uint32), ("base_color", c.c_float * 3), ("alpha", c.c_float),
-        ("alpha_mode", c.c_uint32), ("alpha_cutoff", c.c_float), ("metallic", c.c_float), ("roughness", c.c_float), ("ior", c.c_float),
-        ("specular", c.c_float), ("transmission", c.c_float), ("emission", c.c_float * 3), ("base_color_texture", c.c_int32),
-        ("metallic_roughness_texture", c.c_int32), ("emission_texture", c.c_int32), ("normal_texture", c.c_int32),
+        ("struct_size", c.c_uint32), ("flags", c.c_uint32), ("base_color", c.c_float * 3),
+        ("alpha", c.c_float),
+        ("alpha_mode", c.c_uint32), ("alpha_cutoff", c.c_float), ("metallic", c.c_float),
+        ("roughness", c.c_float), ("ior", c.c_float),
+        ("specular", c.c_float), ("transmission", c.c_float), ("emission", c.c_float * 3),
+        ("base_color_texture", c.c_int32),
+        ("metallic_roughness_texture", c.c_int32), ("emission_texture", c.c_int32),
+        ("normal_texture", c.c_int32),
     ]  # fmt: skip
 
 
 class TextureDesc(c.Structure):
-    _fields_ = [(name, c.c_uint32) for name in ("struct_size", "width", "height", "wrap_u", "wrap_v", "nearest")] + [("pixels", c.c_void_p)]
+    _fields_ = [
+        (name, c.c_uint32)
+        for name in ("struct_size", "width", "height", "wrap_u", "wrap_v", "nearest")
+    ] + [("pixels", c.c_void_p)]
 
 
 class LightDesc(c.Structure):
     _fields_ = [
-        ("struct_size", c.c_uint32), ("kind", c.c_uint32), ("position", c.c_float * 3), ("direction", c.c_float * 3),
-        ("intensity", c.c_float * 3), ("range", c.c_float), ("cos_inner", c.c_float), ("cos_outer", c.c_float),
+        ("struct_size", c.c_uint32), ("kind", c.c_uint32), ("position", c.c_float * 3),
+        ("direction", c.c_float * 3),
+        ("intensity", c.c_float * 3), ("range", c.c_float), ("cos_inner", c.c_float),
+        ("cos_outer", c.c_float),
     ]  # fmt: skip
 
 
 class RayBatch(c.Structure):
     _fields_ = [("struct_size", c.c_uint32), ("n", c.c_uint32)] + [
-        ("origin", c.POINTER(c.c_float)), ("dir", c.POINTER(c.c_float)), ("bounce", c.POINTER(c.c_uint32)), ("seed", c.POINTER(c.c_uint32)),
-        ("radiance", c.POINTER(c.c_float)), ("distance", c.POINTER(c.c_float)), ("normal", c.POINTER(c.c_float)), ("albedo", c.POINTER(c.c_float)),
+        ("origin", c.POINTER(c.c_float)), ("dir", c.POINTER(c.c_float)),
+        ("bounce", c.POINTER(c.c_uint32)), ("seed", c.POINTER(c.c_uint32)),
+        ("radiance", c.POINTER(c.c_float)), ("distance", c.POINTER(c.c_float)),
+        ("normal", c.POINTER(c.c_float)), ("albedo", c.POINTER(c.c_float)),
     ]  # fmt: skip
 
 
@@ -74,18 +96,23 @@ LOG = c.CFUNCTYPE(None, c.c_void_p, c.c_int32, c.c_int32, c.c_char_p)
 
 class HostDesc(c.Structure):
     _fields_ = [
-        ("struct_size", c.c_uint32), ("flags", c.c_uint32), ("preferred_batch", c.c_uint32), ("max_batch", c.c_uint32),
-        ("bounds_min", c.c_float * 3), ("bounds_max", c.c_float * 3), ("scene_hash", c.c_uint64), ("trace", TRACE), ("user", c.c_void_p),
+        ("struct_size", c.c_uint32), ("flags", c.c_uint32), ("preferred_batch", c.c_uint32),
+        ("max_batch", c.c_uint32),
+        ("bounds_min", c.c_float * 3), ("bounds_max", c.c_float * 3), ("scene_hash", c.c_uint64),
+        ("trace", TRACE), ("user", c.c_void_p),
     ]  # fmt: skip
 
 
 class Query(c.Structure):
     _fields_ = [
         ("struct_size", c.c_uint32), ("flags", c.c_uint32), ("n", c.c_size_t),
-        ("position", c.c_void_p), ("position_stride", c.c_size_t), ("normal", c.c_void_p), ("normal_stride", c.c_size_t),
-        ("geo_normal", c.c_void_p), ("geo_normal_stride", c.c_size_t), ("wo", c.c_void_p), ("wo_stride", c.c_size_t),
+        ("position", c.c_void_p), ("position_stride", c.c_size_t), ("normal", c.c_void_p),
+        ("normal_stride", c.c_size_t),
+        ("geo_normal", c.c_void_p), ("geo_normal_stride", c.c_size_t), ("wo", c.c_void_p),
+        ("wo_stride", c.c_size_t),
         ("footprint", c.c_void_p), ("irradiance", c.c_void_p), ("irradiance_stride", c.c_size_t),
-        ("radiance", c.c_void_p), ("radiance_stride", c.c_size_t), ("error", c.c_void_p), ("status", c.c_void_p),
+        ("radiance", c.c_void_p), ("radiance_stride", c.c_size_t), ("error", c.c_void_p),
+        ("status", c.c_void_p),
         ("glossy_samples", c.c_uint32), ("reserved", c.c_uint32),
     ]  # fmt: skip
 
@@ -93,20 +120,38 @@ class Query(c.Structure):
 class Stats(c.Structure):
     _fields_ = (
         [("struct_size", c.c_uint32), ("frozen", c.c_uint32)]
-        + [(name, c.c_uint64) for name in ("records", "bytes", "rays", "queries", "hits", "misses", "host_calls", "host_rays")]
+        + [
+            (name, c.c_uint64)
+            for name in (
+                "records",
+                "bytes",
+                "rays",
+                "queries",
+                "hits",
+                "misses",
+                "host_calls",
+                "host_rays",
+            )
+        ]
         + [(name, c.c_double) for name in ("build_seconds", "mean_radius", "max_radius")]
         + [("radiance_records", c.c_uint64)]
     )
 
 
 class RenderDesc(c.Structure):
-    _fields_ = [(name, c.c_uint32) for name in ("struct_size", "flags", "width", "height", "samples", "reserved")] + [
-        ("camera", c.c_float * 12), ("yfov", c.c_float), ("aspect", c.c_float),
-    ]  # fmt: skip
+    _fields_ = [
+        (name, c.c_uint32)
+        for name in ("struct_size", "flags", "width", "height", "samples", "reserved")
+    ] + [("camera", c.c_float * 12), ("yfov", c.c_float), ("aspect", c.c_float)]
 
 
 class Layer(c.Structure):
-    _fields_ = [("name", c.c_char_p), ("data", c.c_void_p), ("channels", c.c_uint32), ("reserved", c.c_uint32)]
+    _fields_ = [
+        ("name", c.c_char_p),
+        ("data", c.c_void_p),
+        ("channels", c.c_uint32),
+        ("reserved", c.c_uint32),
+    ]
 
 
 def _sized(kind, **fields):
@@ -115,7 +160,9 @@ def _sized(kind, **fields):
 
 def _floats(rows, width=3):
     rows = np.ascontiguousarray(rows, np.float32)
-    assert rows.ndim == 2 and rows.shape[1] == width, f"expected rows of {width} floats, not {rows.shape}"
+    assert rows.ndim == 2 and rows.shape[1] == width, (
+        f"expected rows of {width} floats, not {rows.shape}"
+    )
     return rows
 
 
@@ -125,14 +172,18 @@ def _columns(matrix):
 
 
 class Library:
-    """The shared library and a device of it. `log(severity, message)` hears of warnings and failures."""
+    """The shared library and a device. `log(severity, message)` hears of warnings and failures."""
 
     def __init__(self, path="liblumicache.so.1", config="", log=None):
         self.c = c.CDLL(path)
         self.c.lumi_get_version_string.restype = c.c_char_p
         self.handle = c.c_void_p()
         self.call("lumi_device_new", c.c_uint32(ABI), config.encode(), c.byref(self.handle))
-        self._log = LOG(lambda user, severity, code, message: log(severity, message.decode())) if log else LOG()
+        self._log = (
+            LOG(lambda user, severity, code, message: log(severity, message.decode()))
+            if log
+            else LOG()
+        )
         self.call("lumi_device_set_log", self.handle, self._log, None)
 
     def call(self, name, *arguments):
@@ -174,7 +225,9 @@ class Scene:
         """`pixels`: rows x columns x 4 bytes, first row on top."""
         pixels = np.ascontiguousarray(pixels, np.uint8)
         height, width, _ = pixels.shape
-        return self._add("texture", _sized(TextureDesc, width=width, height=height, pixels=pixels.ctypes.data))
+        return self._add(
+            "texture", _sized(TextureDesc, width=width, height=height, pixels=pixels.ctypes.data)
+        )
 
     def add_material(self, **fields):
         material = MaterialDesc()
@@ -183,7 +236,16 @@ class Scene:
             setattr(material, name, tuple(value) if name in ("base_color", "emission") else value)
         return self._add("material", material)
 
-    def add_mesh(self, positions, indices, normals=None, uv0=None, colors=None, triangle_materials=None, material=0):
+    def add_mesh(
+        self,
+        positions,
+        indices,
+        normals=None,
+        uv0=None,
+        colors=None,
+        triangle_materials=None,
+        material=0,
+    ):
         kept = []
 
         def view(array, kind, width):
@@ -196,8 +258,10 @@ class Scene:
         return self._add(
             "mesh",
             _sized(
-                MeshDesc, positions=view(positions, "f4", 3), indices=view(indices, "u4", 3), normals=view(normals, "f4", 3),
-                uv0=view(uv0, "f4", 2), colors=view(colors, "f4", 4), triangle_materials=view(triangle_materials, "u4", 1), material=material,
+                MeshDesc, positions=view(positions, "f4", 3), indices=view(indices, "u4", 3),
+                normals=view(normals, "f4", 3),
+                uv0=view(uv0, "f4", 2), colors=view(colors, "f4", 4),
+                triangle_materials=view(triangle_materials, "u4", 1), material=material,
             ),
         )  # fmt: skip
 
@@ -207,25 +271,51 @@ class Scene:
         return number.value
 
     def add_instance(self, mesh, to_world=None):
-        self.library.call("lumi_scene_add_instance", self.handle, c.c_uint32(mesh), None if to_world is None else _columns(to_world))
+        self.library.call(
+            "lumi_scene_add_instance",
+            self.handle,
+            c.c_uint32(mesh),
+            None if to_world is None else _columns(to_world),
+        )
 
-    def add_light(self, kind, intensity, position=(0, 0, 0), direction=(0, 0, -1), range=0, cos_inner=1, cos_outer=0):
+    def add_light(
+        self,
+        kind,
+        intensity,
+        position=(0, 0, 0),
+        direction=(0, 0, -1),
+        range=0,
+        cos_inner=1,
+        cos_outer=0,
+    ):
         kinds = {"point": 0, "spot": 1, "directional": 2}
         light = _sized(
-            LightDesc, kind=kinds[kind], intensity=tuple(intensity), position=tuple(position), direction=tuple(direction), range=range,
+            LightDesc, kind=kinds[kind], intensity=tuple(intensity), position=tuple(position),
+            direction=tuple(direction), range=range,
             cos_inner=cos_inner, cos_outer=cos_outer,
         )  # fmt: skip
         self.library.call("lumi_scene_add_light", self.handle, c.byref(light))
 
     def set_environment(self, rgb, to_map=None):
-        """`rgb`: rows x columns x 3, from the zenith (+y); `to_map`: 3 x 3 rotation from the world to the map."""
+        """`rgb`: rows x columns x 3, from the zenith (+y); `to_map`: 3 x 3 rotation from the world
+        to the map."""
         rgb = np.ascontiguousarray(rgb, np.float32)
-        rotation = None if to_map is None else (c.c_float * 9)(*np.asarray(to_map, np.float32).T.ravel())
+        rotation = (
+            None if to_map is None else (c.c_float * 9)(*np.asarray(to_map, np.float32).T.ravel())
+        )
         height, width, _ = rgb.shape
-        self.library.call("lumi_scene_set_environment", self.handle, c.c_void_p(rgb.ctypes.data), c.c_uint32(width), c.c_uint32(height), rotation)
+        self.library.call(
+            "lumi_scene_set_environment",
+            self.handle,
+            c.c_void_p(rgb.ctypes.data),
+            c.c_uint32(width),
+            c.c_uint32(height),
+            rotation,
+        )
 
     def set_host(self, trace, bounds, flags=0, preferred_batch=0, max_batch=0, scene_hash=0):
-        """`trace(rays)` fills the arrays of `rays`: see `Rays`. An exception in it ends the library's call and is raised from there."""
+        """`trace(rays)` fills the arrays of `rays`: see `Rays`. An exception in `trace` ends the
+        call of the library, which raises it again."""
 
         def callback(_, batch):
             try:
@@ -238,7 +328,8 @@ class Scene:
         self.failure = None
         self._trace = TRACE(callback)
         host = _sized(
-            HostDesc, flags=flags, preferred_batch=preferred_batch, max_batch=max_batch, bounds_min=tuple(bounds[0]),
+            HostDesc, flags=flags, preferred_batch=preferred_batch, max_batch=max_batch,
+            bounds_min=tuple(bounds[0]),
             bounds_max=tuple(bounds[1]), scene_hash=scene_hash, trace=self._trace,
         )  # fmt: skip
         self.library.call("lumi_scene_set_host", self.handle, c.byref(host))
@@ -255,12 +346,28 @@ class Scene:
 
 
 class Rays:
-    """A batch of rays as numpy arrays that share the library's memory: origin, dir, bounce, seed to read; radiance, distance, normal, albedo to fill."""
+    """A batch of rays as numpy arrays in the library's memory: origin, dir, bounce, seed to read;
+    radiance, distance, normal and albedo to fill."""
 
     def __init__(self, batch):
         self.n = batch.n
-        for name, width in [("origin", 3), ("dir", 3), ("bounce", 0), ("seed", 0), ("radiance", 3), ("distance", 0), ("normal", 3), ("albedo", 3)]:
-            setattr(self, name, np.ctypeslib.as_array(getattr(batch, name), (batch.n, width) if width else (batch.n,)))
+        for name, width in [
+            ("origin", 3),
+            ("dir", 3),
+            ("bounce", 0),
+            ("seed", 0),
+            ("radiance", 3),
+            ("distance", 0),
+            ("normal", 3),
+            ("albedo", 3),
+        ]:
+            setattr(
+                self,
+                name,
+                np.ctypeslib.as_array(
+                    getattr(batch, name), (batch.n, width) if width else (batch.n,)
+                ),
+            )
 
 
 class Cache:
@@ -280,9 +387,15 @@ class Cache:
             raise
 
     def set(self, **settings):
+        """`set(quality=2.0, **{"gather.rays": 64})`."""
         for name, value in settings.items():
             if isinstance(value, bool) or isinstance(value, str):
-                self.call("lumi_cache_set_str", self.handle, name.encode(), str(value).lower().encode() if isinstance(value, bool) else value.encode())
+                self.call(
+                    "lumi_cache_set_str",
+                    self.handle,
+                    name.encode(),
+                    str(value).lower().encode() if isinstance(value, bool) else value.encode(),
+                )
             elif isinstance(value, int):
                 self.call("lumi_cache_set_i32", self.handle, name.encode(), c.c_int32(value))
             else:
@@ -290,12 +403,18 @@ class Cache:
 
     def watch(self, progress):
         """`progress(fraction)` returns true to cancel; None: nobody watches."""
-        self._progress = PROGRESS(lambda user, fraction, phase: 1 if progress(fraction) else 0) if progress else PROGRESS()
+        self._progress = (
+            PROGRESS(lambda user, fraction, phase: 1 if progress(fraction) else 0)
+            if progress
+            else PROGRESS()
+        )
         self.call("lumi_cache_set_progress", self.handle, self._progress, None)
 
     def _query(self, positions, normals, footprints):
         arrays = [_floats(positions), _floats(normals)]
-        query = _sized(Query, n=len(arrays[0]), position=arrays[0].ctypes.data, normal=arrays[1].ctypes.data)
+        query = _sized(
+            Query, n=len(arrays[0]), position=arrays[0].ctypes.data, normal=arrays[1].ctypes.data
+        )
         if footprints is not None:
             arrays.append(np.ascontiguousarray(footprints, np.float32))
             query.footprint = arrays[2].ctypes.data
@@ -315,12 +434,27 @@ class Cache:
         return irradiance, status
 
     def render(self, width, height, camera, yfov, samples=16, layers=("",), flags=0):
-        """The layers, each rows x columns x channels, first row on top. `camera`: 4 x 4, camera to world."""
+        """The layers, each rows x columns x channels, first row on top. `camera`: 4 x 4, camera to
+        world."""
         channels = {"": 4, "Z": 1, "gi.records": 1, "gi.status": 1, "gi.error": 1}
-        rooms = {name: np.zeros((height, width, channels.get(name, 3)), np.float32) for name in layers}
-        described = (Layer * len(rooms))(*[Layer(n.encode(), r.ctypes.data, r.shape[2]) for n, r in rooms.items()])
-        desc = _sized(RenderDesc, flags=flags, width=width, height=height, samples=samples, camera=_columns(camera), yfov=yfov)
-        self.call("lumi_cache_render", self.handle, c.byref(desc), described, c.c_size_t(len(rooms)))
+        rooms = {
+            name: np.zeros((height, width, channels.get(name, 3)), np.float32) for name in layers
+        }
+        described = (Layer * len(rooms))(
+            *[Layer(n.encode(), r.ctypes.data, r.shape[2]) for n, r in rooms.items()]
+        )
+        desc = _sized(
+            RenderDesc,
+            flags=flags,
+            width=width,
+            height=height,
+            samples=samples,
+            camera=_columns(camera),
+            yfov=yfov,
+        )
+        self.call(
+            "lumi_cache_render", self.handle, c.byref(desc), described, c.c_size_t(len(rooms))
+        )
         return rooms
 
     def freeze(self):

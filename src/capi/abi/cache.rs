@@ -3,20 +3,20 @@
 use super::common::{Versioned, versioned};
 use std::ffi::{c_char, c_void};
 
-/// Flag of a query: makes records where none answers. Changes the cache.
+/// Flag of a query: makes records where no record is valid. Changes the cache.
 pub const LUMI_QUERY_FILL: u32 = 1;
 
-/// Status of a point: records answered.
+/// Status of a point: interpolated from records.
 pub const LUMI_POINT_INTERPOLATED: u8 = 0;
-/// Status of a point: no record had answered, one was made by this call.
+/// Status of a point: no record was valid there, and this call has made one.
 pub const LUMI_POINT_COMPUTED: u8 = 1;
-/// Status of a point: no record answers; its results are zero.
+/// Status of a point: no record is valid there; its results are zero.
 pub const LUMI_POINT_MISSING: u8 = 2;
 /// Status of a point: its position or normal is no number, or its normal is zero; its results are
 /// zero.
 pub const LUMI_POINT_REJECTED: u8 = 3;
 
-/// Points and what is asked about them. Strides are in bytes; 0 means that the vectors lie side by
+/// Shading points and what is asked about them. Strides are in bytes; 0: the vectors lie side by
 /// side.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -31,8 +31,8 @@ pub struct lumi_query {
     pub position: *const f32,
     /// See `position`.
     pub position_stride: usize,
-    /// Three floats per point, required: shading normals on the side that is looked at, any length
-    /// but zero.
+    /// Three floats per point, required: shading normals on the side of the viewer, any length but
+    /// zero.
     pub normal: *const f32,
     /// See `normal`.
     pub normal_stride: usize,
@@ -48,18 +48,18 @@ pub struct lumi_query {
     /// below. NULL: 0.002 times the scene's diagonal.
     pub footprint: *const f32,
     /// Three floats per point: irradiance of indirect light, and of direct light where "contents"
-    /// is "direct-and-indirect" and the scene is the library's; what a diffuse surface reflects is
-    /// albedo/pi times that. May be NULL.
+    /// is "direct-and-indirect" and the scene is the library's. A diffuse surface reflects
+    /// albedo/pi times the irradiance. May be NULL.
     pub irradiance: *mut f32,
     /// See `irradiance`.
     pub irradiance_stride: usize,
-    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. For scenes
-    /// of our own whose surfaces pass through the points. May be NULL.
+    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. The library's
+    /// own scenes alone have it, at points on their surfaces. May be NULL.
     pub radiance: *mut f32,
     /// See `radiance`.
     pub radiance_stride: usize,
-    /// One float per point: estimated error as a share of the allowed one, 0 at a record, 1 at the
-    /// end of its reach. May be NULL.
+    /// One float per point: estimated error as a fraction of the allowed error: 0 at a record, 1 at
+    /// the end of its area. May be NULL.
     pub error: *mut f32,
     /// One byte per point: LUMI_POINT_*. May be NULL.
     pub status: *mut u8,
@@ -69,8 +69,8 @@ pub struct lumi_query {
     pub reserved: u32,
 }
 
-/// Watches a build, on the thread that called it: `fraction` goes from 0 to 1. Nonzero cancels; the
-/// cache is then as before.
+/// Watches a build or a render, on the thread that called it; `fraction` goes from 0 to 1. A result
+/// that is not zero cancels the work.
 pub type lumi_progress_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64, phase: *const c_char) -> i32>;
 
@@ -90,9 +90,9 @@ pub struct lumi_stats {
     pub rays: u64,
     /// Points asked about.
     pub queries: u64,
-    /// Points that records answered.
+    /// Points that were interpolated from records.
     pub hits: u64,
-    /// Points that none answered.
+    /// Points at which no record was valid.
     pub misses: u64,
     /// Calls of the host's tracer.
     pub host_calls: u64,
@@ -100,9 +100,9 @@ pub struct lumi_stats {
     pub host_rays: u64,
     /// Seconds spent on building and filling.
     pub build_seconds: f64,
-    /// Mean radius of the records of the first level.
+    /// Mean radius of validity of the records of the first level.
     pub mean_radius: f64,
-    /// Largest radius of the records of the first level.
+    /// Largest radius of validity of the records of the first level.
     pub max_radius: f64,
     /// Radiance records for glossy surfaces, which lumi_cache_get_records does not show.
     pub radiance_records: u64,
@@ -112,7 +112,7 @@ pub struct lumi_stats {
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_record {
-    /// Where it lies.
+    /// Position.
     pub position: [f32; 3],
     /// Unit normal.
     pub normal: [f32; 3],
@@ -126,7 +126,7 @@ pub struct lumi_record {
     pub level: u32,
 }
 
-/// Flag of load and merge: records made for another scene or under other settings are taken too.
+/// Flag of load and merge: records made for another scene or under other settings are taken, too.
 pub const LUMI_REUSE: u32 = 1;
 
 /// Flag of a render: path tracing, the reference, instead of the cache.
@@ -134,7 +134,7 @@ pub const LUMI_RENDER_PATH: u32 = 1;
 /// Flag of a render: an orthographic camera.
 pub const LUMI_RENDER_ORTHOGRAPHIC: u32 = 2;
 
-/// A picture to be rendered of a scene of our own.
+/// A picture of a scene that the library keeps.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_render_desc {
@@ -146,22 +146,23 @@ pub struct lumi_render_desc {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Samples per pixel; 0: 16.
+    /// Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times as
+    /// many where a pixel of the cache is still noisy.
     pub samples: u32,
     /// Zero.
     pub reserved: u32,
-    /// Camera to world: its x, y and z axis and its place, three floats each. The camera looks
-    /// along -z, y is up.
+    /// Camera to world: x, y and z axis and position of the camera, three floats each. The camera
+    /// looks along -z, y is up.
     pub camera: [f32; 12],
     /// Vertical field of view in radians; of an orthographic camera, half the height of the
     /// picture.
     pub yfov: f32,
-    /// Width of the picture over its height as the camera has it; only orthographic cameras use
-    /// it. 0: that of the pixels.
+    /// Width of the camera's picture over its height, for orthographic cameras; 0: that of the
+    /// pixels.
     pub aspect: f32,
 }
 
-/// A layer of a picture: a name of the EXR layers, "" for the beauty, and where its samples go.
+/// A layer of a picture: its name in EXR files, "" for the beauty, and where its samples go.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_layer {

@@ -1,6 +1,6 @@
 //! Versions, handles, views, and the safe way to read and write structs of the host.
 
-use crate::capi::status::{Fault, LUMI_ERROR_UNSUPPORTED, LUMI_ERROR_VERSION, Outcome};
+use crate::capi::status::{Fault, LUMI_ERROR_UNSUPPORTED, LUMI_ERROR_VERSION, Outcome, ensure};
 use std::ffi::{CStr, c_char, c_void};
 use std::path::Path;
 
@@ -33,9 +33,9 @@ pub const LUMI_FORMAT_U32: u32 = 17;
 pub const LUMI_FORMAT_U32X3: u32 = 19;
 
 /// Flag of a view of a mesh: the buffer stays alive and unchanged until the scene and all its
-/// caches are released. lumi_scene_commit reads the buffer. Positions and indices of meshes with one
-/// material stay in the buffer if they are dense and aligned; other arrays are copied. Without the
-/// flag, everything is copied at once.
+/// caches are released. lumi_scene_commit reads the buffer. Positions and indices of meshes with
+/// one material stay in the buffer if they are dense and aligned; other arrays are copied. Without
+/// the flag, everything is copied at once.
 pub const LUMI_VIEW_SHARED: u32 = 1;
 
 /// An array in the host's memory. All zero: there is no array.
@@ -76,9 +76,7 @@ pub(super) use versioned;
 
 /// The size that the caller's struct has.
 fn size_at<T: Versioned>(at: *const T, what: &str) -> Outcome<usize> {
-    if at.is_null() {
-        return Err(Fault::argument(format!("{what} is NULL")));
-    }
+    ensure!(!at.is_null(), "{what} is NULL");
     // SAFETY: the caller passes a struct that begins with its size; reading it does not ask for
     // alignment.
     let size = unsafe { at.cast::<u32>().read_unaligned() } as usize;
@@ -87,10 +85,7 @@ fn size_at<T: Versioned>(at: *const T, what: &str) -> Outcome<usize> {
         let text = format!("{what}: struct_size is {size}, the first version has {first} bytes");
         return Err(Fault::new(LUMI_ERROR_VERSION, text));
     }
-    if size > MAX_STRUCT {
-        let text = format!("{what}: struct_size is {size}, which no version has");
-        return Err(Fault::argument(text));
-    }
+    ensure!(size <= MAX_STRUCT, "{what}: struct_size is {size}, which no version has");
     Ok(size)
 }
 
@@ -122,18 +117,13 @@ pub(in crate::capi) fn write<T: Versioned>(to: *mut T, value: T, what: &str) -> 
 /// Refuses `flags` that are not `known`.
 pub(in crate::capi) fn only(known: u32, flags: u32, what: &str) -> Outcome {
     let unknown = flags & !known;
-    if unknown == 0 {
-        Ok(())
-    } else {
-        Err(Fault::argument(format!("{what}: unknown flags {unknown:#x}")))
-    }
+    ensure!(unknown == 0, "{what}: unknown flags {unknown:#x}");
+    Ok(())
 }
 
 /// The text at `at`.
 pub(in crate::capi) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a str> {
-    if at.is_null() {
-        return Err(Fault::argument(format!("{what} is NULL")));
-    }
+    ensure!(!at.is_null(), "{what} is NULL");
     // SAFETY: the host passes a string that ends in NUL and stays unchanged during the call, beyond
     // which it is not kept.
     unsafe { CStr::from_ptr(at) }
@@ -143,10 +133,9 @@ pub(in crate::capi) fn text<'a>(at: *const c_char, what: &str) -> Outcome<&'a st
 
 /// The path at `at`.
 pub(in crate::capi) fn path<'a>(at: *const c_char) -> Outcome<&'a Path> {
-    match text(at, "path")? {
-        "" => Err(Fault::argument("the path is empty")),
-        text => Ok(Path::new(text)),
-    }
+    let text = text(at, "path")?;
+    ensure!(!text.is_empty(), "the path is empty");
+    Ok(Path::new(text))
 }
 
 /// Writes `text` to `to`, which is zero; the rest is cut off. The caller keeps back a byte for NUL.

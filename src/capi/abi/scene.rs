@@ -15,14 +15,15 @@ pub struct lumi_mesh_desc {
     pub positions: lumi_view,
     /// LUMI_FORMAT_U32X3, required.
     pub indices: lumi_view,
-    /// LUMI_FORMAT_F32X3 per vertex; without them the mesh is flat. They are normalised.
+    /// LUMI_FORMAT_F32X3 per vertex; without normals the mesh is flat. The library normalises them.
     pub normals: lumi_view,
     /// LUMI_FORMAT_F32X2 per vertex: texture coordinates, (0, 0) at the first pixel of the first
     /// row.
     pub uv0: lumi_view,
     /// LUMI_FORMAT_F32X4 per vertex: linear RGBA, multiplied into the base colour.
     pub colors: lumi_view,
-    /// LUMI_FORMAT_U32 per triangle: its material. Without it all have `material`.
+    /// LUMI_FORMAT_U32 per triangle: its material. Without the array, all triangles have
+    /// `material`.
     pub triangle_materials: lumi_view,
     /// Material of all triangles.
     pub material: u32,
@@ -36,10 +37,10 @@ pub const LUMI_MATERIAL_DOUBLE_SIDED: u32 = 1;
 pub const LUMI_ALPHA_OPAQUE: u32 = 0;
 /// Alpha mode of a material: the surface is where alpha is at least `alpha_cutoff`.
 pub const LUMI_ALPHA_MASK: u32 = 1;
-/// Alpha mode of a material: the surface stops a share alpha of the rays.
+/// Alpha mode of a material: the surface stops the fraction alpha of the rays.
 pub const LUMI_ALPHA_BLEND: u32 = 2;
 
-/// A surface in the terms of glTF: fill it by lumi_material_init, then change what differs.
+/// A surface in the terms of glTF. Fill it by lumi_material_init, then change what differs.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_material_desc {
@@ -64,7 +65,7 @@ pub struct lumi_material_desc {
     /// Strength of the dielectric reflection, 0 to 1; 0 leaves a purely diffuse surface when
     /// metallic is 0.
     pub specular: f32,
-    /// Share of the body that transmits, 0 to 1; thin-walled.
+    /// Fraction of the light entering the surface that is transmitted, 0 to 1; thin-walled.
     pub transmission: f32,
     /// Emitted radiance.
     pub emission: [f32; 3],
@@ -85,8 +86,7 @@ pub const LUMI_WRAP_MIRROR: u32 = 1;
 /// Wrapping of a texture: the border continues.
 pub const LUMI_WRAP_CLAMP: u32 = 2;
 
-/// An image with 8-bit RGBA pixels. Whether they are sRGB or linear is decided by the material's
-/// use of it.
+/// An image with 8-bit RGBA pixels. The material decides whether the pixels are sRGB or linear.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_texture_desc {
@@ -113,7 +113,7 @@ pub const LUMI_LIGHT_SPOT: u32 = 1;
 /// Type of a light: parallel.
 pub const LUMI_LIGHT_DIRECTIONAL: u32 = 2;
 
-/// A light without extent. Lights with one are meshes whose material emits.
+/// A light without extent. A light with extent is a mesh whose material emits.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct lumi_light_desc {
@@ -131,17 +131,17 @@ pub struct lumi_light_desc {
     pub range: f32,
     /// Cosine of the half angle at which a spot's fall-off begins.
     pub cos_inner: f32,
-    /// Cosine of the half angle at which it ends.
+    /// Cosine of the half angle at which the fall-off ends.
     pub cos_outer: f32,
 }
 
-/// Flag of a host: the callback may run on any thread, on several at once. Without it it runs only
-/// on the thread that called the library.
+/// Flag of a host: the callback may run on any thread, and on several at once. Without the flag,
+/// the callback runs only on the thread that called the library.
 pub const LUMI_HOST_CONCURRENT: u32 = 1;
 /// Flag of a host: `radiance` has light of all bounces, so the library follows no path further.
 pub const LUMI_HOST_FULL: u32 = 2;
-/// Flag of a host: rays that miss bring their `radiance`, from an environment that the host leaves
-/// out of its own direct light. Without it they bring nothing.
+/// Flag of a host: rays that miss bring `radiance`, from an environment that the host leaves out of
+/// its own direct light. Without the flag, they bring nothing.
 pub const LUMI_HOST_ENV_IN_MISS: u32 = 4;
 
 /// Rays that the host traces and shades. The library sets the pointers and `n`; the host fills the
@@ -158,12 +158,11 @@ pub struct lumi_ray_batch {
     pub dir: *const f32,
     /// n numbers: surfaces that the path has met before this ray, the camera's counted.
     pub bounce: *const u32,
-    /// n seeds for the host's random choices. Answers that depend on them and the rays alone make
-    /// caches reproducible.
+    /// n seeds for the host's random choices. Caches are reproducible if the answers depend on
+    /// nothing but rays and seeds.
     pub seed: *const u32,
-    /// 3 n floats, zero at first: light that the surface at the hit reflects against the ray,
-    /// having come to it straight from sources (from everywhere with LUMI_HOST_FULL). What the
-    /// surface emits itself is left out.
+    /// 3 n floats, zero at first: direct light that the surface at the hit reflects against the
+    /// ray; with LUMI_HOST_FULL, all light. Light that the surface emits is left out.
     pub radiance: *mut f32,
     /// n floats, INFINITY at first: distance of the hit.
     pub distance: *mut f32,
@@ -176,8 +175,8 @@ pub struct lumi_ray_batch {
 }
 
 /// The host's tracer and shader. 0: go on; anything else ends the call of the library with
-/// LUMI_ERROR_HOST_CALLBACK. No lock is held meanwhile. It may look up caches, but must not build,
-/// fill, load, commit or release the cache or scene that is being worked on.
+/// LUMI_ERROR_HOST_CALLBACK. The library holds no lock meanwhile. The callback may look up caches.
+/// It must not build, fill, load, commit or release the cache or scene that the library works on.
 pub type lumi_trace_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, batch: *mut lumi_ray_batch) -> i32>;
 
@@ -189,8 +188,7 @@ pub struct lumi_host_desc {
     pub struct_size: u32,
     /// LUMI_HOST_*.
     pub flags: u32,
-    /// Rays that a call should have, to be worth its while; 0: 65536. Fewer come when there are no
-    /// more.
+    /// Rays that a call should have; 0: 65536. A call has fewer when there are no more.
     pub preferred_batch: u32,
     /// Most rays of a call; 0: no bound.
     pub max_batch: u32,
@@ -198,7 +196,7 @@ pub struct lumi_host_desc {
     pub bounds_min: [f32; 3],
     /// Highest corner of the scene.
     pub bounds_max: [f32; 3],
-    /// Changes when the light in the scene does: caches are saved with it.
+    /// A hash that changes when the light in the scene does. Caches are saved with it.
     pub scene_hash: u64,
     /// The tracer.
     pub trace: lumi_trace_fn,
@@ -218,7 +216,7 @@ pub struct lumi_scene_info {
     pub bounds_min: [f32; 3],
     /// Highest corner of the scene.
     pub bounds_max: [f32; 3],
-    /// Triangles as rays see them, instances counted each time.
+    /// Triangles, counted once for each instance.
     pub triangles: u64,
     /// Cameras of the file.
     pub cameras: u64,
@@ -242,8 +240,8 @@ pub struct lumi_trace_desc {
     pub origin: *const f32,
     /// 3 n floats, any length but zero.
     pub dir: *const f32,
-    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. May be NULL,
-    /// as all below.
+    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. This array and
+    /// those below may be NULL.
     pub distance: *mut f32,
     /// 3 n floats: position of the hit.
     pub position: *mut f32,

@@ -1,7 +1,7 @@
 //! Arrays in the host's memory: checked once, then read and written by index.
 
 use super::common::{LUMI_VIEW_SHARED, lumi_view};
-use crate::capi::status::{Fault, Outcome};
+use crate::capi::status::{Outcome, ensure};
 use crate::geometry::Buffer;
 use crate::math::Vec3;
 use bytemuck::Pod;
@@ -36,16 +36,10 @@ fn check<T, const N: usize>(count: usize, stride: usize, what: &str) -> Outcome<
     let element = size_of::<[T; N]>();
     let stride = if stride == 0 { element } else { stride };
     let end = count.saturating_sub(1).checked_mul(stride).and_then(|n| n.checked_add(element));
-    if count > MAX_COUNT || end.is_none_or(|n| n > isize::MAX as usize) {
-        return Err(Fault::argument(format!(
-            "{what}: {count} elements {stride} bytes apart are more than can be"
-        )));
-    }
-    if stride < element {
-        return Err(Fault::argument(format!(
-            "{what}: elements of {element} bytes cannot be {stride} bytes apart"
-        )));
-    }
+    let possible = count <= MAX_COUNT && end.is_some_and(|n| n <= isize::MAX as usize);
+    ensure!(possible, "{what}: {count} elements {stride} bytes apart are more than can be");
+    let apart = stride >= element;
+    ensure!(apart, "{what}: elements of {element} bytes cannot be {stride} bytes apart");
     Ok(stride)
 }
 
@@ -59,9 +53,7 @@ impl<T: Copy, const N: usize> Input<T, N> {
     /// As [`Input::new`]; NULL is an error unless the array is empty.
     pub fn required(data: *const T, count: usize, stride: usize, what: &str) -> Outcome<Self> {
         let stride = check::<T, N>(count, stride, what)?;
-        if data.is_null() && count > 0 {
-            return Err(Fault::argument(format!("{what} is NULL")));
-        }
+        ensure!(!data.is_null() || count == 0, "{what} is NULL");
         Ok(Self { data: data.cast(), stride, count })
     }
 
@@ -70,10 +62,8 @@ impl<T: Copy, const N: usize> Input<T, N> {
         if view.data.is_null() && view.count == 0 {
             return Ok(None);
         }
-        if view.format != format {
-            let text = format!("{what} has the format {}, expected {format}", view.format);
-            return Err(Fault::argument(text));
-        }
+        let given = view.format;
+        ensure!(given == format, "{what} has the format {given}, expected {format}");
         Self::required(view.data.cast(), view.count, view.stride, what).map(Some)
     }
 

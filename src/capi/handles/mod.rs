@@ -3,7 +3,7 @@
 mod sync;
 mod table;
 
-use super::status::{Fault, LUMI_ERROR_OUT_OF_MEMORY, Outcome, Touched, touch};
+use super::status::{Fault, LUMI_ERROR_OUT_OF_MEMORY, Outcome, Touched, ensure, state, touch};
 use std::any::Any;
 use std::marker::PhantomData;
 use std::sync::atomic::Ordering;
@@ -75,10 +75,9 @@ fn pin<K: Kind>(handle: *mut K::Opaque) -> Outcome<Borrowed<K>> {
 pub(super) fn borrow<K: Kind>(handle: *mut K::Opaque) -> Outcome<Borrowed<K>> {
     let object = pin::<K>(handle)?;
     if object.touched().broken.load(Ordering::Acquire) {
-        return Err(Fault::operation(format!(
-            "an internal error has left the {} useless: release it",
-            K::NAME
-        )));
+        let kind = K::NAME;
+        let text = format!("an internal error has left the {kind} useless: release it");
+        return Err(Fault::operation(text));
     }
     touch(object.touched().clone());
     Ok(object)
@@ -98,9 +97,7 @@ pub(super) fn publish<K: Kind>(object: K, out: *mut *mut K::Opaque) -> Outcome {
 
 /// Sets the handle that a failing call leaves behind, and says if there is no place for one.
 pub(super) fn clear<T>(out: *mut *mut T) -> Outcome {
-    if out.is_null() {
-        return Err(Fault::argument("the place for the handle is NULL"));
-    }
+    ensure!(!out.is_null(), "the place for the handle is NULL");
     // SAFETY: not NULL, and the caller passes the address of a handle.
     unsafe { out.write(std::ptr::null_mut()) };
     Ok(())
@@ -108,14 +105,9 @@ pub(super) fn clear<T>(out: *mut *mut T) -> Outcome {
 
 pub(super) fn retain<K: Kind>(handle: *mut K::Opaque) -> Outcome {
     let _pinned = pin::<K>(handle)?;
-    if OBJECTS.retain(number(handle)) {
-        Ok(())
-    } else {
-        Err(Fault::operation(format!(
-            "the {} has been released meanwhile, or is retained 65535 times",
-            K::NAME
-        )))
-    }
+    let kind = K::NAME;
+    let text = format!("the {kind} has been released meanwhile, or is retained 65535 times");
+    state(OBJECTS.retain(number(handle)), &text)
 }
 
 pub(super) fn release<K: Kind>(handle: *mut K::Opaque) -> Outcome {

@@ -11,8 +11,6 @@ use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 use std::ffi::OsString;
 use std::sync::OnceLock;
 
-/// The environment variable that names another file than those that are searched.
-const VARIABLE: &str = "LUMICACHE_EMBREE";
 /// glibc: the library's own definitions come before the global ones.
 const RTLD_DEEPBIND: std::ffi::c_int =
     if cfg!(all(target_os = "linux", target_env = "gnu")) { 8 } else { 0 };
@@ -22,7 +20,14 @@ const NAME: &str = "libembree4.so.4";
 #[cfg(not(embree4))]
 const NAME: &str = "libembree3.so.3";
 
+static NAMED: OnceLock<OsString> = OnceLock::new();
 static LIBRARY: OnceLock<std::result::Result<raw::Embree, String>> = OnceLock::new();
+
+/// Names the file to load in place of those that are searched. The first name counts, and only
+/// before the first device.
+pub fn name(path: OsString) {
+    let _ = NAMED.set(path);
+}
 
 /// Loads the library, once.
 ///
@@ -41,11 +46,11 @@ pub fn loaded() -> &'static raw::Embree {
     }
 }
 
-/// The files to try: the variable's alone if it is set, else the one found when this was compiled,
-/// then the usual places.
+/// The files to try: the named one alone if there is one, else the one found when this was
+/// compiled, then the usual places.
 fn candidates() -> Vec<OsString> {
-    if let Some(path) = std::env::var_os(VARIABLE).filter(|p| !p.is_empty()) {
-        return vec![path];
+    if let Some(path) = NAMED.get() {
+        return vec![path.clone()];
     }
     let folders = [
         "/usr/lib/x86_64-linux-gnu",
@@ -78,7 +83,7 @@ fn open() -> std::result::Result<raw::Embree, String> {
     }
     let tried = reasons.join("; ");
     Err(format!(
-        "Embree was not found ({tried}): install Debian's libembree-dev, or name the file in {VARIABLE}, or choose the backend \"bvh\""
+        "Embree was not found ({tried}): install Debian's libembree-dev, or name the file in LUMICACHE_EMBREE, or choose the backend \"bvh\""
     ))
 }
 

@@ -1,6 +1,7 @@
 //! Rays against committed scenes: one by one, and in packets as wide as the CPU's registers.
 
-use super::{Scene, raw};
+use super::raw;
+use super::scene::Scene;
 use crate::ffi::ray::{Hit, Ray};
 use std::time::Instant;
 

@@ -6,26 +6,25 @@ use crate::gather::mesh::TriangleRadiance;
 use crate::gather::samples::{HemisphereSamples, MIN_COS_HIT};
 use crate::gather::strata::Layout;
 use crate::math::{Color, Vec2, Vec3};
-use serde::{Deserialize, Serialize};
+use crate::words::words;
 use std::f32::consts::TAU;
 
-/// The estimators of the translational gradient of radiance coefficients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RadianceGradient {
-    /// None: records are extrapolated by their value.
-    None,
-    /// Central differences over a small displacement, each sample a patch that keeps its radiance
-    /// [Krivanek05, Sec. 4.3].
-    Displacement,
-    /// The same patches, differentiated [Krivanek05, Eq. 7-11].
-    PerSample,
-    /// Moving boundaries between strata, each with its own weight; sees silhouettes. Polar layout
-    /// only.
-    Boundary,
-    /// A mesh over the hits, [`HemisphereSamples::radiance_derivatives`]; sees silhouettes, and has
-    /// second derivatives. Concentric layout and spherical harmonics only.
-    Triangulated,
+words! {
+    /// The estimators of the translational gradient of radiance coefficients.
+    pub enum RadianceGradient {
+        /// Not at all.
+        None = "none",
+        /// By central differences over a small displacement, each sample a patch that keeps its
+        /// radiance [Krivanek05, Sec. 4.3].
+        Displacement = "displacement",
+        /// By patches, one for each sample, that keep their radiance [Krivanek05, Eq. 7-11].
+        PerSample = "per-sample",
+        /// By moving boundaries between strata; sees silhouettes. Strata `polar` only.
+        Boundary = "boundary",
+        /// By a mesh over the hits; sees silhouettes, and has second derivatives. Strata
+        /// `concentric` and spherical harmonics only.
+        Triangulated = "triangulated",
+    }
 }
 
 /// Displacement of the numerical gradient as a share of the smallest distance.

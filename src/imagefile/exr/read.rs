@@ -23,9 +23,10 @@ const MAX_RATIO_DWA: u64 = 1 << 16;
 /// Reads the file `path`: all parts, their largest level, any compression that the `exr` crate
 /// knows.
 ///
-/// Several parts become one picture: channels of the first keep their names, those of a later one
-/// are prefixed with the part's name and a dot unless they are already. Attributes are those of the
-/// first part, sorted by name; types that [`Attribute`] has no variant for are left out.
+/// Several parts become one picture. Channels of the first part keep their names; channels of a
+/// later part get the part's name and a dot as a prefix unless they have it already. The picture
+/// has the attributes of the first part, sorted by name, without types that [`Attribute`] has no
+/// variant for.
 ///
 /// # Errors
 /// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or

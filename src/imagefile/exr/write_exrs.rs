@@ -1,9 +1,9 @@
 //! Writing through the `exr` crate.
 //!
-//! The crate's own image writer keeps attributes in hash maps, so the bytes of its files differ
-//! from run to run, and compresses on threads of its own. Here the file is laid out by hand (magic,
-//! version, attributes, offset table, chunks) from the crate's parts, and the chunks are compressed
-//! on rayon's threads.
+//! The crate's own image writer keeps attributes in hash maps, and the bytes of its files differ
+//! from run to run. The writer also compresses on threads of its own. This module lays the file out
+//! by hand (magic, version, attributes, offset table, chunks) from the crate's parts and compresses
+//! the chunks on rayon's threads.
 
 use super::prepared::{Packed, Prepared};
 use crate::imagefile::picture::Attribute;

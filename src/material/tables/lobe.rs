@@ -2,7 +2,7 @@
 
 use super::quadrature::{Row, rows};
 use crate::basis::{Basis, index, triangle};
-use crate::math::{Color, Vec2, Vec3};
+use crate::math::{Color, Vec2, Vec3, cell};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -213,13 +213,6 @@ fn from_map(p: Vec2) -> Vec3 {
     let square = p.length_squared();
     let w = Vec3::new(2.0 * p.x, 2.0 * p.y, 1.0 - square) / (1.0 + square);
     w.with_z(w.z.max(MIN_COS)).normalize()
-}
-
-/// The cell of a grid of `count` nodes over [0, 1] that contains `t`, and the place in it.
-fn cell(t: f32, count: usize) -> (usize, f32) {
-    let x = t.clamp(0.0, 1.0) * (count - 1) as f32;
-    let i = (x as usize).min(count - 2);
-    (i, x - i as f32)
 }
 
 /// Directions over the hemisphere: rows of equal cosine, evenly spaced azimuths.

@@ -1,12 +1,12 @@
 //! Glossy lobes in harmonics, tabulated over the outgoing direction: what a record of incident
 //! radiance is multiplied with.
 
-mod glossy;
+mod quadrature;
 mod lobe;
 mod matrix;
-mod quadrature;
 mod settings;
 mod store;
+mod glossy;
 
 pub use glossy::GlossyTables;
 pub use lobe::{Lobe, LobeTable};

@@ -1,7 +1,9 @@
 """Lumicache as a render engine of Blender: global illumination from a cache of irradiance.
 
-The add-on hands meshes, materials, lights, world and camera to the library and gets the image and its passes back. README.md says what is understood of a material.
+The add-on hands meshes, materials, lights, world and camera to the library and gets the image and
+its passes back. README.md says what of a material the add-on understands.
 """
+
 import os
 import sys
 from pathlib import Path
@@ -27,25 +29,40 @@ VECTORS = ("albedo", "N")
 
 
 def library_path():
-    """The library: the preference, else the variable LUMICACHE_LIBRARY, else the one packed beside this file, else what the system finds."""
+    """The library: the preference, else the variable LUMICACHE_LIBRARY, else the one packed beside
+    this file, else what the system finds."""
     addon = bpy.context.preferences.addons.get(__name__)
     packed = HERE / "liblumicache.so.1"
-    candidates = [addon.preferences.library if addon else "", os.environ.get("LUMICACHE_LIBRARY", ""), str(packed) if packed.exists() else ""]
+    candidates = [
+        addon.preferences.library if addon else "",
+        os.environ.get("LUMICACHE_LIBRARY", ""),
+        str(packed) if packed.exists() else "",
+    ]
     return next((path for path in candidates if path), "liblumicache.so.1")
 
 
 class Preferences(bpy.types.AddonPreferences):
     bl_idname = __name__
-    library: bpy.props.StringProperty(name="Library", subtype="FILE_PATH", description="liblumicache.so.1; empty: the packed or the installed one")
+    library: bpy.props.StringProperty(
+        name="Library",
+        subtype="FILE_PATH",
+        description="liblumicache.so.1; empty: the packed or the installed one",
+    )
 
     def draw(self, context):
         self.layout.prop(self, "library")
 
 
 class Settings(bpy.types.PropertyGroup):
-    samples: bpy.props.IntProperty(name="Samples", default=16, min=1, description="Samples per pixel")
-    quality: bpy.props.FloatProperty(name="Quality", default=1, min=0.01, max=100, description="2 costs about twice as much as 1")
-    path: bpy.props.BoolProperty(name="Path tracing", description="The reference, instead of the cache")
+    samples: bpy.props.IntProperty(
+        name="Samples", default=16, min=1, description="Samples per pixel"
+    )
+    quality: bpy.props.FloatProperty(
+        name="Quality", default=1, min=0.01, max=100, description="2 costs about twice as much as 1"
+    )
+    path: bpy.props.BoolProperty(
+        name="Path tracing", description="The reference, instead of the cache"
+    )
 
 
 class Export:
@@ -65,7 +82,10 @@ class Export:
             return self.add_light(thing.data, matrix)
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT", "META"}:
             return None
-        key = thing.original.data.name_full, tuple(s.material.name_full if s.material else "" for s in thing.material_slots)
+        key = (
+            thing.original.data.name_full,
+            tuple(s.material.name_full if s.material else "" for s in thing.material_slots),
+        )
         if thing.original.modifiers or key not in self.meshes:
             self.meshes[key] = self.add_mesh(thing)
         if self.meshes[key] is not None:
@@ -87,16 +107,24 @@ class Export:
             corners = read(mesh.loop_triangles, "loops", 3, np.int32).ravel()
             vertices = read(mesh.loop_triangles, "vertices", 3, np.int32).ravel()
             slots = read(mesh.loop_triangles, "material_index", 1, np.int32)
-            uv = read(mesh.uv_layers.active.uv, "vector", 2, np.float32)[corners] if mesh.uv_layers.active else None
+            uv = (
+                read(mesh.uv_layers.active.uv, "vector", 2, np.float32)[corners]
+                if mesh.uv_layers.active
+                else None
+            )
             if uv is not None:
                 uv[:, 1] = 1 - uv[:, 1]  # the first row of a texture is on top
-            numbers = [self.material(slot.material) for slot in thing.material_slots] or [self.material(None)]
+            numbers = [self.material(slot.material) for slot in thing.material_slots] or [
+                self.material(None)
+            ]
             return self.scene.add_mesh(
                 read(mesh.vertices, "co", 3, np.float32)[vertices],
                 np.arange(3 * count, dtype=np.uint32),
                 normals=read(mesh.corner_normals, "vector", 3, np.float32)[corners],
                 uv0=uv,
-                triangle_materials=np.array(numbers, np.uint32)[np.clip(slots, 0, len(numbers) - 1)],
+                triangle_materials=np.array(numbers, np.uint32)[
+                    np.clip(slots, 0, len(numbers) - 1)
+                ],
             )
         finally:
             thing.to_mesh_clear()
@@ -108,11 +136,16 @@ class Export:
         return self.materials[key]
 
     def describe(self, material):
-        """The fields of a library material: those of the Principled BSDF or the Emission that the output shows."""
+        """The fields of a library material: those of the Principled BSDF or the Emission that the
+        output shows."""
         flags = {"flags": 1}  # Blender's surfaces emit from both sides
         tree = material.node_tree if material else None
         if tree is None:
-            return {**flags, "base_color": material.diffuse_color[:3] if material else (0.8, 0.8, 0.8), "specular": 0}
+            return {
+                **flags,
+                "base_color": material.diffuse_color[:3] if material else (0.8, 0.8, 0.8),
+                "specular": 0,
+            }
         nodes = {node.type: node for node in tree.nodes}
         if "BSDF_PRINCIPLED" in nodes:
             node = nodes["BSDF_PRINCIPLED"]
@@ -124,7 +157,7 @@ class Export:
             texture = self.texture(node.inputs["Base Color"], material)
             return {
                 **flags,
-                # The library multiplies the two; in Blender a linked socket has no colour of its own.
+                # The library multiplies both; in Blender a linked socket has no own colour.
                 "base_color": np.clip(value("Base Color")[:3], 0, 1) if texture < 0 else (1, 1, 1),
                 "alpha": value("Alpha"),
                 "alpha_mode": 2 if value("Alpha") < 1 else 0,
@@ -139,10 +172,23 @@ class Export:
         if "EMISSION" in nodes:
             node = nodes["EMISSION"]
             strength = node.inputs["Strength"].default_value
-            return {**flags, "base_color": (0, 0, 0), "specular": 0, "emission": [c * strength for c in node.inputs["Color"].default_value[:3]]}
+            return {
+                **flags,
+                "base_color": (0, 0, 0),
+                "specular": 0,
+                "emission": [c * strength for c in node.inputs["Color"].default_value[:3]],
+            }
         if "BSDF_DIFFUSE" in nodes:
-            return {**flags, "base_color": np.clip(nodes["BSDF_DIFFUSE"].inputs["Color"].default_value[:3], 0, 1), "specular": 0}
-        self.warnings.append(f"material {material.name}: no Principled, Diffuse or Emission node; shown grey")
+            return {
+                **flags,
+                "base_color": np.clip(
+                    nodes["BSDF_DIFFUSE"].inputs["Color"].default_value[:3], 0, 1
+                ),
+                "specular": 0,
+            }
+        self.warnings.append(
+            f"material {material.name}: no Principled, Diffuse or Emission node; shown grey"
+        )
         return flags
 
     def texture(self, socket, material):
@@ -156,7 +202,11 @@ class Export:
         if image.name_full not in self.textures:
             pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
             image.pixels.foreach_get(pixels)
-            rows = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8).reshape(image.size[1], image.size[0], 4)
+            rows = (
+                (np.clip(pixels, 0, 1) * 255 + 0.5)
+                .astype(np.uint8)
+                .reshape(image.size[1], image.size[0], 4)
+            )
             self.textures[image.name_full] = self.scene.add_texture(rows[::-1])
         return self.textures[image.name_full]
 
@@ -172,7 +222,9 @@ class Export:
             if light.type == "SPOT":
                 outer = np.cos(light.spot_size / 2)
                 inner = outer + (1 - outer) * (1 - light.spot_blend)
-                self.scene.add_light("spot", intensity, place, down, cos_inner=float(inner), cos_outer=float(outer))
+                self.scene.add_light(
+                    "spot", intensity, place, down, cos_inner=float(inner), cos_outer=float(outer)
+                )
             else:
                 self.scene.add_light("point", intensity, place)
 
@@ -184,13 +236,20 @@ class Export:
             outline = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles)], 1)
         else:
             outline = np.array([(-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.5, -0.5)])
-        points = np.concatenate([outline * (sx, sy), np.zeros((len(outline), 1))], 1).astype(np.float32)
+        points = np.concatenate([outline * (sx, sy), np.zeros((len(outline), 1))], 1).astype(
+            np.float32
+        )
         fan = [(0, k, k + 1) for k in range(1, len(points) - 1)]
         corners = points @ matrix[:3, :3].T
-        area = sum(0.5 * np.linalg.norm(np.cross(corners[b] - corners[a], corners[c] - corners[a])) for a, b, c in fan)
+        area = sum(
+            0.5 * np.linalg.norm(np.cross(corners[b] - corners[a], corners[c] - corners[a]))
+            for a, b, c in fan
+        )
         emission = power / (np.pi * max(area, 1e-12))
         material = self.scene.add_material(base_color=(0, 0, 0), specular=0, emission=emission)
-        self.scene.add_instance(self.scene.add_mesh(points, np.array(fan), material=material), matrix)
+        self.scene.add_instance(
+            self.scene.add_mesh(points, np.array(fan), material=material), matrix
+        )
 
     def add_world(self, world):
         if world is None or world.node_tree is None:
@@ -200,8 +259,11 @@ class Export:
             return
         if node.inputs["Color"].is_linked:
             self.warnings.append("the world's texture is not read: its colour is used")
-        color = np.array(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
-        # A black world is a light too, though none that shows: without it the library would light an otherwise dark scene by a dome.
+        color = (
+            np.array(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
+        )
+        # A black world is a light, too, though it does not show: without it the library would light
+        # an otherwise dark scene by a dome.
         self.scene.set_environment(color.reshape(1, 1, 3))
 
 
@@ -223,9 +285,14 @@ class LumicacheEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         scene = depsgraph.scene
         scale = scene.render.resolution_percentage / 100
-        width, height = int(scene.render.resolution_x * scale), int(scene.render.resolution_y * scale)
+        width, height = (
+            int(scene.render.resolution_x * scale),
+            int(scene.render.resolution_y * scale),
+        )
         settings = scene.lumicache
-        library = lumicache.Library(library_path(), log=lambda severity, text: severity and self.report({"WARNING"}, text))
+        library = lumicache.Library(
+            library_path(), log=lambda severity, text: severity and self.report({"WARNING"}, text)
+        )
         self.update_stats("Lumicache", "exporting")
         export = Export(library, depsgraph)
         for text in export.warnings:
@@ -244,11 +311,19 @@ class LumicacheEngine(bpy.types.RenderEngine):
         projection = camera.calc_matrix_camera(depsgraph, x=width, y=height)
         flat = camera.data.type == "ORTHO"
         reach = 1 / projection[1][1]
-        flags = (lumicache.RENDER_PATH if settings.path else 0) | (lumicache.RENDER_ORTHOGRAPHIC if flat else 0)
+        flags = (lumicache.RENDER_PATH if settings.path else 0) | (
+            lumicache.RENDER_ORTHOGRAPHIC if flat else 0
+        )
         layers = ("",) + PARTS + VECTORS
         try:
             pictures = cache.render(
-                width, height, camera.matrix_world.normalized(), float(reach if flat else 2 * np.arctan(reach)), settings.samples, layers, flags
+                width,
+                height,
+                camera.matrix_world.normalized(),
+                float(reach if flat else 2 * np.arctan(reach)),
+                settings.samples,
+                layers,
+                flags,
             )
         except lumicache.Error as error:
             if error.code == 6:  # cancelled
@@ -287,7 +362,11 @@ CLASSES = (Preferences, Settings, LumicacheEngine, LUMICACHE_PT_sampling)
 def compatible_panels():
     """Blender's own panels that make sense with any engine."""
     left_out = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
-    return [p for p in bpy.types.Panel.__subclasses__() if "BLENDER_RENDER" in getattr(p, "COMPAT_ENGINES", ()) and p.__name__ not in left_out]
+    return [
+        p
+        for p in bpy.types.Panel.__subclasses__()
+        if "BLENDER_RENDER" in getattr(p, "COMPAT_ENGINES", ()) and p.__name__ not in left_out
+    ]
 
 
 def register():

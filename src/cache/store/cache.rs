@@ -1,0 +1,225 @@
+//! A scheme with the records made under it.
+
+use super::index::Answer;
+use super::level::{Level, Rules, Store};
+use crate::cache::payload::{Harmonics, Irradiance, Projector};
+use crate::cache::record::{RadiusRule, Record};
+use crate::cache::scheme::Scheme;
+use crate::gather::{Deeper, LobeCoefficients};
+use crate::geometry::SurfacePoint;
+use crate::math::Color;
+use std::sync::Arc;
+
+/// A scheme with the records made under it: level 0 for what the camera sees, level k for points k
+/// bounces behind that. Every level has an irradiance cache; the first ones may have a radiance
+/// cache, too. Copies share their levels.
+#[derive(Clone)]
+pub struct Cache {
+    scheme: Arc<Scheme>,
+    pub(in crate::cache) scene_size: f32,
+    /// Light paths have no bound on their length, so that every level holds the same quantity and
+    /// any may stand in for another.
+    unlimited: bool,
+    pub(in crate::cache) levels: Vec<Level>,
+    /// What makes and reads radiance records, if there are any.
+    projector: Option<Arc<Projector>>,
+}
+
+impl Cache {
+    /// An empty cache for light paths of at most `max_bounces` interactions after the camera hit
+    /// (`u32::MAX`: no bound), in a scene whose diagonal is `scene_size`. It has the scheme's
+    /// levels, but no more than the paths have bounces.
+    pub fn new(scheme: impl Into<Arc<Scheme>>, max_bounces: u32, scene_size: f32) -> Self {
+        let scheme = scheme.into();
+        let count = u32::from(scheme.levels).min(max_bounces);
+        let unlimited = max_bounces == u32::MAX;
+        let mut cache = Self { scheme, scene_size, unlimited, levels: Vec::new(), projector: None };
+        for level in 0..count {
+            let empty = cache.rules().store(level as u8, Vec::new());
+            cache.levels.push(Level { irradiance: Arc::new(empty), radiance: None });
+        }
+        cache
+    }
+
+    /// The same cache with radiance caches on as many levels as the scheme says. Nothing changes
+    /// where the cache has radiance caches already or the scheme caches no radiance.
+    #[must_use]
+    pub fn with_radiance(mut self) -> Self {
+        if self.projector.is_some() || self.scheme.glossy.is_none() {
+            return self;
+        }
+        let scheme = Arc::new(self.scheme.for_radiance());
+        let count = usize::from(scheme.levels);
+        self.projector = Some(Arc::new(Projector::new(scheme, self.scene_size)));
+        let rules = self.radiance_rules().expect("there is a projector now");
+        let empty = |k: usize| Some(Arc::new(rules.store(k as u8, Vec::new())));
+        let empty: Vec<_> = (0..self.levels.len().min(count)).map(empty).collect();
+        self.levels.iter_mut().zip(empty).for_each(|(level, empty)| level.radiance = empty);
+        self
+    }
+
+    /// The scheme.
+    pub fn scheme(&self) -> &Arc<Scheme> {
+        &self.scheme
+    }
+
+    /// Diagonal of the scene that radii are bounded by.
+    pub fn scene_size(&self) -> f32 {
+        self.scene_size
+    }
+
+    /// Number of levels, filled or not.
+    pub fn level_count(&self) -> u8 {
+        self.levels.len() as u8
+    }
+
+    /// A level, if it exists.
+    pub fn level(&self, level: u8) -> Option<&Level> {
+        self.levels.get(usize::from(level))
+    }
+
+    /// The irradiance records of a level; none if it does not exist.
+    pub fn records(&self, level: u8) -> &[Record<Irradiance>] {
+        self.level(level).map_or(&[], |l| l.irradiance.records())
+    }
+
+    /// The radiance records of a level; none if it has no radiance cache.
+    pub fn radiance_records(&self, level: u8) -> &[Record<Harmonics>] {
+        self.level(level).and_then(Level::radiance).map_or(&[], Store::records)
+    }
+
+    /// What makes and reads the radiance records, if the cache has radiance caches.
+    pub fn projector(&self) -> Option<&Arc<Projector>> {
+        self.projector.as_ref()
+    }
+
+    /// Number of levels that have a radiance cache.
+    pub fn radiance_level_count(&self) -> u8 {
+        self.levels.iter().take_while(|l| l.radiance.is_some()).count() as u8
+    }
+
+    /// Number of irradiance records on all levels.
+    pub fn record_count(&self) -> usize {
+        self.levels.iter().map(|l| l.irradiance.len()).sum()
+    }
+
+    /// Number of radiance records on all levels.
+    pub fn radiance_record_count(&self) -> usize {
+        self.levels.iter().filter_map(Level::radiance).map(Store::len).sum()
+    }
+
+    /// Bytes that records and indexes occupy.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(Level::bytes).sum()
+    }
+
+    /// Puts `records` in the place of the irradiance records of `level`. Their lengths are clamped
+    /// anew to those of their neighbours, if the scheme asks for it.
+    ///
+    /// # Panics
+    /// When the cache has no such level.
+    pub fn replace(&mut self, level: u8, records: Vec<Record<Irradiance>>) {
+        let store = self.rules().clamped_store(level, records);
+        self.levels[usize::from(level)].irradiance = Arc::new(store);
+    }
+
+    /// Takes over the radiance caches of `other`, a cache under the same scheme.
+    pub fn share_radiance(&mut self, other: &Self) {
+        self.projector.clone_from(&other.projector);
+        for (mine, theirs) in self.levels.iter_mut().zip(&other.levels) {
+            mine.radiance.clone_from(&theirs.radiance);
+        }
+    }
+
+    /// Irradiance of indirect light at a point of `level` from the records with ids below `limit`.
+    #[inline]
+    pub fn lookup(&self, level: u8, at: &SurfacePoint, limit: u32) -> Option<Answer> {
+        self.level(level)?.irradiance.lookup(at, limit)
+    }
+
+    /// The same from the radiance cache, with the radiance that leaves by `lobe`: see
+    /// [`Store::lookup_lobe`].
+    pub fn lookup_lobe(
+        &self,
+        level: u8,
+        at: &SurfacePoint,
+        limit: u32,
+        lobe: &mut LobeCoefficients,
+    ) -> Option<Answer> {
+        self.level(level)?.radiance()?.lookup_lobe(self.projector()?, at, limit, lobe)
+    }
+
+    /// The rules of irradiance records.
+    pub(in crate::cache) fn rules(&self) -> Rules<'_> {
+        Rules { scheme: &self.scheme, scene_size: self.scene_size }
+    }
+
+    /// The rules of radiance records.
+    pub(in crate::cache) fn radiance_rules(&self) -> Option<Rules<'_>> {
+        let projector = self.projector.as_ref()?;
+        Some(Rules { scheme: projector.scheme(), scene_size: self.scene_size })
+    }
+
+    /// How far the irradiance records of `level` are valid while it fills, smoothing left out.
+    pub fn radius_rule(&self, level: u8) -> RadiusRule {
+        self.rules().while_filling(level)
+    }
+
+    /// The same of radiance records, if the cache has radiance caches.
+    pub fn radiance_radius_rule(&self, level: u8) -> Option<RadiusRule> {
+        Some(self.radiance_rules()?.while_filling(level))
+    }
+
+    /// What gathers know of light at hits: all irradiance, and radiance from level `first` on.
+    pub fn behind(&self, first: u8) -> Behind<'_> {
+        Behind { cache: self, first }
+    }
+}
+
+/// A cache as gathers and paths see it.
+#[derive(Clone, Copy)]
+pub struct Behind<'a> {
+    cache: &'a Cache,
+    /// The first level whose radiance cache answers.
+    first: u8,
+}
+
+impl Behind<'_> {
+    fn radiance_levels(&self) -> impl Iterator<Item = (u8, &Store<Harmonics>)> {
+        let levels = (0..).zip(&self.cache.levels).skip(usize::from(self.first));
+        levels.map_while(|(k, level)| Some((k, level.radiance()?)))
+    }
+}
+
+impl Deeper for Behind<'_> {
+    /// With bounded paths records of exactly `level` answer: those of another level hold light of
+    /// more or fewer bounces. Without a bound all levels hold the same quantity: the first filled
+    /// one that covers the point answers, so the most accurate.
+    #[inline]
+    fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color> {
+        let found = if self.cache.unlimited {
+            self.cache.levels.iter().find_map(|l| l.irradiance.lookup(at, u32::MAX))
+        } else {
+            self.cache.lookup(level, at, u32::MAX)
+        };
+        found.map(|a| a.irradiance)
+    }
+
+    fn has_radiance(&self) -> bool {
+        self.radiance_levels().next().is_some()
+    }
+
+    fn radiance(
+        &self,
+        level: u8,
+        at: &SurfacePoint,
+        lobe: &mut LobeCoefficients,
+    ) -> Option<(Color, Color)> {
+        let projector = self.cache.projector()?;
+        let found = self
+            .radiance_levels()
+            .filter(|(k, _)| self.cache.unlimited || *k == level)
+            .find_map(|(_, store)| store.lookup_lobe(projector, at, u32::MAX, lobe))?;
+        Some((found.irradiance, found.glossy))
+    }
+}

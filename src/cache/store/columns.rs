@@ -1,0 +1,283 @@
+//! The fields of a record as columns of bytes: the one place where records become bytes and come
+//! back.
+
+use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Quadratic};
+use crate::cache::record::{Area, Fences, Record, SECTORS};
+use crate::gather::Hessian;
+use crate::math::{Color, Mat3, Vec3, Vec4};
+use std::sync::Arc;
+
+/// A value of fixed size in a file, little-endian.
+trait Column: Sized {
+    /// Bytes of one value.
+    const BYTES: usize;
+    /// Zeros stand for nothing: a file whose records all have nothing leaves the column out.
+    const OPTIONAL: bool = false;
+    fn put(&self, out: &mut Vec<u8>);
+    /// `None` for what no sound record holds.
+    fn get(bytes: &[u8]) -> Option<Self>;
+}
+
+/// Lengths and errors: not negative, may be infinite.
+impl Column for f32 {
+    const BYTES: usize = 4;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        out.extend(self.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        number(bytes).filter(|x| *x >= 0.0)
+    }
+}
+
+fn number(bytes: &[u8]) -> Option<f32> {
+    Some(f32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+/// `N` finite numbers.
+fn finite<const N: usize>(bytes: &[u8]) -> Option<[f32; N]> {
+    let mut out = [0.0; N];
+    for (x, bytes) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+        *x = number(bytes).filter(|x| x.is_finite())?;
+    }
+    Some(out)
+}
+
+impl Column for Vec3 {
+    const BYTES: usize = 12;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.to_array().iter().for_each(|x| out.extend(x.to_le_bytes()));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        finite(bytes).map(Self::from_array)
+    }
+}
+
+impl Column for Mat3 {
+    const BYTES: usize = 36;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.to_cols_array().iter().for_each(|x| out.extend(x.to_le_bytes()));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        finite(bytes).map(|a| Self::from_cols_array(&a))
+    }
+}
+
+/// The number of planes, then room for the most there can be.
+impl Column for Fences {
+    const BYTES: usize = 4 + 16 * Self::MOST;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        out.extend((self.planes().len() as u32).to_le_bytes());
+        self.planes().iter().flat_map(Vec4::to_array).for_each(|x| out.extend(x.to_le_bytes()));
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (count, planes) = bytes.split_at_checked(4)?;
+        let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
+        let planes: Option<Vec<Vec4>> =
+            planes.chunks_exact(16).take(count).map(|p| finite(p).map(Vec4::from_array)).collect();
+        planes.filter(|p| p.len() == count).and_then(|p| Self::from_planes(&p))
+    }
+}
+
+/// The number of radii, the axis, then room for the most radii there can be.
+impl Column for Area {
+    const BYTES: usize = 4 + 12 + 4 * SECTORS;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        out.extend((self.radii().len() as u32).to_le_bytes());
+        match self {
+            Self::Disc { .. } => Vec3::ZERO,
+            Self::Ellipse { axis, .. } | Self::Sectors { axis, .. } => *axis,
+        }
+        .put(out);
+        self.radii().iter().for_each(|r| r.put(out));
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (count, bytes) = bytes.split_at_checked(4)?;
+        let (axis, radii) = bytes.split_at_checked(12)?;
+        let axis = Vec3::get(axis)?;
+        let radii: Option<Vec<f32>> = radii.chunks_exact(4).map(f32::get).collect();
+        let unit = (axis.length() - 1.0).abs() < 1e-3;
+        match (u32::from_le_bytes(count.try_into().ok()?), radii?.as_slice(), unit) {
+            (1, &[r, ..], _) => Some(Self::Disc { r }),
+            (2, &[a, b, ..], true) => Some(Self::Ellipse { axis, r: [a, b] }),
+            (8, radii, true) => Some(Self::Sectors { axis, r: radii.try_into().ok()? }),
+            _ => None,
+        }
+    }
+}
+
+/// Two tangents and the Hessian; all zero for none.
+impl Column for Option<Curve> {
+    const BYTES: usize = 24 + 36;
+    const OPTIONAL: bool = true;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let (tangents, hessian) =
+            self.map_or(([Vec3::ZERO; 2], Hessian::default()), |c| (c.tangents, c.hessian));
+        tangents.iter().chain(&[hessian.ss, hessian.st, hessian.tt]).for_each(|v| v.put(out));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let parts: Option<Vec<Vec3>> = bytes.chunks_exact(12).map(Vec3::get).collect();
+        let &[s, t, ss, st, tt] = parts?.as_slice() else { return None };
+        Some(
+            (s != Vec3::ZERO)
+                .then_some(Curve { tangents: [s, t], hessian: Hessian { ss, st, tt } }),
+        )
+    }
+}
+
+/// First and second order along each axis, for places, then for normals.
+impl Column for Change {
+    const BYTES: usize = 2 * SECTORS * 24;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        self.travel
+            .iter()
+            .chain(&self.turn)
+            .flat_map(|q| [q.linear, q.square])
+            .for_each(|v| v.put(out));
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let mut change = Self::default();
+        for (q, bytes) in
+            change.travel.iter_mut().chain(&mut change.turn).zip(bytes.chunks_exact(24))
+        {
+            *q = Quadratic { linear: Vec3::get(&bytes[..12])?, square: Vec3::get(&bytes[12..])? };
+        }
+        Some(change)
+    }
+}
+
+/// The axis, the lengths, indirect light, whether there is direct light, its irradiance and its
+/// change; all zero for none.
+impl Column for Option<Arc<Axes>> {
+    const BYTES: usize = 12 + 4 * SECTORS + Change::BYTES + 4 + 12 + Change::BYTES;
+    const OPTIONAL: bool = true;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let end = out.len() + Self::BYTES;
+        if let Some(axes) = self {
+            axes.axis.put(out);
+            axes.lengths.iter().for_each(|r| r.put(out));
+            axes.indirect.put(out);
+            if let Some(direct) = &axes.direct {
+                1.0_f32.put(out);
+                direct.irradiance.put(out);
+                direct.change.put(out);
+            }
+        }
+        out.resize(end, 0);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (axis, bytes) = bytes.split_at_checked(12)?;
+        let (lengths, bytes) = bytes.split_at_checked(4 * SECTORS)?;
+        let (indirect, bytes) = bytes.split_at_checked(Change::BYTES)?;
+        let (lit, bytes) = bytes.split_at_checked(4)?;
+        let (irradiance, change) = bytes.split_at_checked(12)?;
+        let axis = Vec3::get(axis)?;
+        if axis == Vec3::ZERO {
+            return Some(None);
+        }
+        let mut of = [0.0; SECTORS];
+        for (length, bytes) in of.iter_mut().zip(lengths.chunks_exact(4)) {
+            *length = f32::get(bytes).filter(|x| *x > 0.0 && x.is_finite())?;
+        }
+        let direct = match f32::get(lit)? > 0.0 {
+            true => {
+                Some(Direct { irradiance: Color::get(irradiance)?, change: Change::get(change)? })
+            }
+            false => None,
+        };
+        let unit = (axis.length() - 1.0).abs() < 1e-3;
+        unit.then_some(Some(Arc::new(Axes {
+            axis,
+            lengths: of,
+            indirect: Change::get(indirect)?,
+            direct,
+        })))
+    }
+}
+
+/// What a column is called and holds.
+pub struct Heading {
+    /// The field of the record.
+    pub name: &'static str,
+    /// Bytes of one value.
+    pub bytes: usize,
+    /// A column of zeros may be left out.
+    pub optional: bool,
+}
+
+/// Makes the table from the lists of fields: `$held` are those of the payload. A new field of
+/// [`Record`] or [`Irradiance`] does not compile until it is in a list, or is named as one that
+/// others determine.
+macro_rules! columns {
+    ($($place:ident),*; $($held:ident),*; $($more:ident),*) => {
+        /// The columns.
+        pub fn table() -> Vec<Heading> {
+            fn heading<T: Column>(
+                name: &'static str,
+                _: impl Fn(&Record<Irradiance>) -> &T,
+            ) -> Heading {
+                Heading { name, bytes: T::BYTES, optional: T::OPTIONAL }
+            }
+            vec![
+                $(heading(stringify!($place), |r| &r.$place),)*
+                $(heading(stringify!($held), |r| &r.payload.$held),)*
+                $(heading(stringify!($more), |r| &r.$more),)*
+            ]
+        }
+
+        /// Appends the values of `record` to `columns`, which are in the order of [`table`].
+        pub fn put(record: &Record<Irradiance>, columns: &mut [Vec<u8>]) {
+            // `limit` and `length` follow from the unclamped lengths of all records.
+            let Record { $($place,)* payload, $($more,)* limit: _, length: _ } = record;
+            let Irradiance { $($held),* } = payload;
+            let mut columns = columns.iter_mut();
+            $(if let Some(column) = columns.next() {
+                $place.put(column);
+            })*
+            $(if let Some(column) = columns.next() {
+                $held.put(column);
+            })*
+            $(if let Some(column) = columns.next() {
+                $more.put(column);
+            })*
+        }
+
+        /// The record whose values `value(name)` finds; `None` if one is missing or is none that a
+        /// sound record holds.
+        pub fn get<'a>(value: impl Fn(&str) -> Option<&'a [u8]>) -> Option<Record<Irradiance>> {
+            $(let $place = Column::get(value(stringify!($place))?)?;)*
+            $(let $held = Column::get(value(stringify!($held))?)?;)*
+            $(let $more = Column::get(value(stringify!($more))?)?;)*
+            let payload = Irradiance { $($held),* };
+            let (limit, length) = (f32::INFINITY, 0.0);
+            let record = Record { $($place,)* payload, limit, length, $($more),* };
+            let unit = (record.normal.length() - 1.0).abs() < 1e-3;
+            unit.then_some(Record { length: record.length_unclamped, ..record })
+        }
+    };
+}
+
+columns!(
+    position, normal;
+    irradiance, rotation, translation, curve, axes;
+    shape, length_unclamped, error, footprint, sigma, fences
+);
