@@ -145,7 +145,7 @@ metric = \"minimum\"
     let scheme = preset.scheme();
     assert_eq!((scheme.radius.metric, scheme.gather.rays), (Metric::Minimum, 64));
     let scene = build(own("staircase"));
-    let points = LevelPoints { points: seen(&scene, &scene.cameras()[0], [24, 32], 0), round: 0 };
+    let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], [24, 32], 0));
     let (cache, _) = fill(&scene, scheme, &points);
     assert!(cache.record_count() > 20);
     assert!(points.points.iter().all(|p| cache.lookup(0, p, u32::MAX).is_some()));
