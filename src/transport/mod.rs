@@ -23,7 +23,7 @@ pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
 pub use vertex::Origin;
-pub use world::{Look, SceneWorld};
+pub use world::{AppearanceOf, SceneWorld};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};
@@ -161,7 +161,7 @@ pub struct Shaded {
     pub status: Status,
     /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors
     /// apart; `None` too where the path tracer makes the pixels.
-    pub gloss: Status,
+    pub glossy: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
     /// Mean of the errors a_i that its records are allowed.

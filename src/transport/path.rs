@@ -137,14 +137,14 @@ impl PathTracer<'_> {
 
     /// The radiance that `ray` brings to the path that began as `start` says.
     ///
-    /// Where indirect light is `known` the path ends.
+    /// Where indirect light is known by `indirect` the path ends.
     pub(super) fn incoming(
         &self,
         ray: &Ray,
         start: &Start,
         sampler: &mut Sampler,
         seed: u64,
-        known: Option<IndirectLight>,
+        indirect: Option<IndirectLight>,
     ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
@@ -170,7 +170,7 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            let step = self.step(&vertex, sampler, bounces, known);
+            let step = self.step(&vertex, sampler, bounces, indirect);
             light.indirect += beta * step.cached.sum();
             if let Some((shadow, lit)) = step.light
                 && !self.scene.occluded(&shadow, shadow_seed(seed, bounces))
@@ -238,10 +238,10 @@ impl PathTracer<'_> {
         v: &Vertex,
         sampler: &mut Sampler,
         bounces: u32,
-        known: Option<IndirectLight>,
+        indirect: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-        let (cached, sampled) = match known
+        let (cached, sampled) = match indirect
             .filter(|_| bounces < self.max_bounces)
             .and_then(|k| k.leaving(level, v))
         {
@@ -255,7 +255,7 @@ impl PathTracer<'_> {
         // it costs more than what it has brought so far. A faint gloss on top of cached
         // light is followed only as often as it matters, and what no cache knows as often as the
         // surface reflects.
-        if let (Some(_), Some((sample, _))) = (known, &mut next) {
+        if let (Some(_), Some((sample, _))) = (indirect, &mut next) {
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let survival = (share * sample.weight.max_element()).min(1.0);
             if sampler.next_1d() < survival {
