@@ -56,7 +56,6 @@ const LONG: &[&str] = &[
     "src/cache/scheme.rs",
     "src/ffi/embree/mod.rs",
     "src/ffi/openexr.rs",
-    "src/render/job.rs",
 ];
 
 /// The paths into this crate that `code` names. `depth` is that of the file's module: 1 for
