@@ -9,6 +9,7 @@ const ORDER: &[&str] = &[
     "error",
     "progress",
     "fsutil",
+    "words",
     "math",
     "sampling",
     "basis",
