@@ -31,7 +31,9 @@ const HEADINGS: [&str; 12] = [
 ];
 const NOT_EQUAL: &str = "* more than 5 % from the wanted number: no error that was tried gives it.";
 /// Size of the diagram in pixels.
-const DIAGRAM: (u32, u32) = (760, 440);
+const DIAGRAM: (u32, u32) = (820, 440);
+/// Room for the names of the presets, right of the curves.
+const NAMES: u32 = 200;
 
 /// The page of `report`, whose pictures lie in `folder`.
 ///
@@ -128,12 +130,13 @@ fn plot(report: &Report, svg: &mut String) -> std::result::Result<(), Box<dyn st
     let root = SVGBackend::with_string(svg, DIAGRAM).into_drawing_area();
     let mut chart = ChartBuilder::on(&root)
         .margin(10)
+        .margin_right(NAMES)
         .x_label_area_size(40)
         .y_label_area_size(70)
-        .right_y_label_area_size(0)
         .build_cartesian_2d(range(x), range(y))?;
     chart
         .configure_mesh()
+        .max_light_lines(1)
         .x_desc("records")
         .y_desc("relMSE")
         .x_label_formatter(&|v| format!("{:.0}", 10_f64.powf(*v)))
@@ -142,15 +145,11 @@ fn plot(report: &Report, svg: &mut String) -> std::result::Result<(), Box<dyn st
     for (k, rows) in report.rows.chunk_by(|a, b| a.preset == b.preset).enumerate() {
         let color = Palette99::pick(k).to_rgba();
         let line = LineSeries::new(rows.iter().map(place), color.stroke_width(2)).point_size(3);
-        let sign = move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2));
-        chart.draw_series(line)?.label(&rows[0].preset).legend(sign);
+        chart.draw_series(line)?;
+        let name = ("sans-serif", 14).into_font().color(&color);
+        let at = ((DIAGRAM.0 - NAMES) as i32 + 8, 20 + 18 * k as i32);
+        root.draw(&Text::new(rows[0].preset.as_str(), at, name))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .background_style(WHITE.mix(0.8))
-        .border_style(BLACK.mix(0.3))
-        .draw()?;
     root.present()?;
     Ok(())
 }

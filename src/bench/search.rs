@@ -99,12 +99,12 @@ impl Stage<'_> {
             .filter_map(|&p| self.seen[p as usize].map(|(point, ..)| (p, point)))
             .map(|(p, point)| caches.cache.shading_point(0, p, point, 0))
             .collect();
-        let look = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
+        let appearance = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
             points.iter().map(|p| self.seen[p.number as usize]).collect()
         };
         let towards = |p| settings.camera.towards(p);
         let world = SceneWorld::new(tracer, lobes.as_deref(), &scheme)
-            .with_look(&look)
+            .with_appearance(&appearance)
             .with_viewer(&towards);
         let scanline = scheme.schedule.is_by_row();
         let round = if scanline { settings.size[0] as usize } else { 0 };

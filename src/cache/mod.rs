@@ -3,10 +3,10 @@
 //!
 //! The life of a record: the fill finds a shading point that no record covers, casts a
 //! [gather](crate::gather) there and makes a [`Record`] from it: payload, error, lengths R_i. The
-//! fill shortens R_i to fit the neighbours and puts the record into the [`Index`] that lookups read.
-//! Levels are filled from the deepest to the first, so a gather reads only finished caches. A scheme
-//! may then have the first level [refined](Cache::refine): records that disagree where they overlap
-//! are allowed less error, and more records are made between them.
+//! fill shortens R_i to fit the neighbours and puts the record into the [`Index`] that lookups
+//! read. Levels are filled from the deepest to the first, so a gather reads only finished caches. A
+//! scheme may then have the first level [refined](Cache::refine): records that disagree where they
+//! overlap are allowed less error, and more records are made between them.
 
 mod scheme;
 mod record;

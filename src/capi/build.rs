@@ -66,12 +66,12 @@ impl CacheObject {
         });
         let mut caches = Caches::with(cache, lobes);
         let points = self.shading_points(tracer, &mut caches, settings, seeds, wanted);
-        let look = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
+        let appearance = |points: &[ShadingPoint], _: Option<CachedLobes>| -> Vec<Option<View>> {
             let points: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
             tracer.views_at(&points, seed)
         };
         let lobes = caches.lobes.clone();
-        let world = SceneWorld::new(tracer, lobes.as_deref(), scheme).with_look(&look);
+        let world = SceneWorld::new(tracer, lobes.as_deref(), scheme).with_appearance(&appearance);
         caches.fill(&world, &points, &settings.plan(), progress)?;
         self.counters.rays.fetch_add(caches.report.gather_rays(), Ordering::Relaxed);
         Ok((caches.cache, caches.lobes))

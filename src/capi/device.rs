@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{c_char, c_void};
 use std::path::PathBuf;
 
 /// The environment variable that names the folder of tables where the host names none.
@@ -105,14 +105,9 @@ pub extern "C" fn lumi_get_abi_version() -> u32 {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub extern "C" fn lumi_get_version_string() -> *const c_char {
-    const VERSION: &CStr =
-        match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
-            Ok(text) => text,
-            Err(_) => c"",
-        };
     let mut version = std::ptr::null();
     guard("lumi_get_version_string", || {
-        version = VERSION.as_ptr();
+        version = concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast();
         Ok(())
     });
     version

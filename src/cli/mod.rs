@@ -3,6 +3,7 @@
 mod args;
 mod tables;
 mod terminal;
+mod presets;
 mod bench;
 mod cache;
 mod compare;
@@ -10,7 +11,6 @@ mod info;
 mod manual;
 mod render;
 mod report;
-mod show;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -35,7 +35,7 @@ fn run(command: Command) -> Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Presets { settings: true, .. } => terminal::print(settings_page().as_bytes()),
-        Command::Presets { name, all, json, .. } => show::presets(name.as_deref(), all, json),
+        Command::Presets { name, all, json, .. } => presets::run(name.as_deref(), all, json),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Info { scene } => info::run(&scene),
         Command::Cache { what } => cache::run(&what),

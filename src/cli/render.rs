@@ -1,10 +1,11 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
+use super::presets::{pair, preset};
 use super::tables::tables;
 use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
 use lumicache::accel::Backend;
-use lumicache::cache::{Preset, Scheme};
+use lumicache::cache::Scheme;
 use lumicache::error::{Error, Result};
 use lumicache::film::Film;
 use lumicache::fsutil;
@@ -286,7 +287,7 @@ fn default_output(scene: &Path) -> PathBuf {
 
 fn scheme(arguments: &Render) -> Result<Scheme> {
     let mut scheme = preset(&arguments.preset)?.scheme();
-    if !(arguments.quality.is_finite() && (0.01..=100.0).contains(&arguments.quality)) {
+    if !Job::QUALITY.contains(&arguments.quality) {
         return Err(Error::InvalidArgument("--quality must be between 0.01 and 100".into()));
     }
     scheme.scale_quality(arguments.quality);
@@ -298,23 +299,6 @@ fn scheme(arguments: &Render) -> Result<Scheme> {
     let set: Vec<_> = arguments.set.iter().map(|text| pair(text)).collect::<Result<_>>()?;
     scheme.set_all(flags.chain(set))?;
     Ok(scheme)
-}
-
-/// The preset with this name, or of this file if it ends in `.toml`.
-pub fn preset(name: &str) -> Result<Preset> {
-    if name.ends_with(".toml") {
-        Preset::from_file(Path::new(name))
-    } else {
-        Preset::by_name(name).cloned()
-    }
-}
-
-/// The setting and its value that `--set` gives.
-pub fn pair(text: &str) -> Result<(String, String)> {
-    let (key, value) = text
-        .split_once('=')
-        .ok_or_else(|| Error::InvalidArgument(format!("--set {text}: expected KEY=VALUE")))?;
-    Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
 
 fn parse_window(text: &str) -> Result<[u32; 4]> {

@@ -1,7 +1,7 @@
 //! `lumicache report`.
 
 use super::args::Report;
-use super::render::pair;
+use super::presets::pair;
 use super::tables::tables;
 use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
 use lumicache::accel::Backend;

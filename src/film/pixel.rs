@@ -53,8 +53,8 @@ impl Pixel {
             Status::Cached => self.cached += 1.0,
             Status::Traced => self.traced += 1.0,
         }
-        self.glossy[0] += u32::from(s.gloss != Status::None);
-        self.glossy[1] += u32::from(s.gloss == Status::Cached);
+        self.glossy[0] += u32::from(s.glossy != Status::None);
+        self.glossy[1] += u32::from(s.glossy == Status::Cached);
         self.irradiance += s.irradiance;
         self.records += s.records as f32;
         self.error += s.error;

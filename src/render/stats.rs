@@ -46,7 +46,7 @@ pub fn stats(
             })
             .collect()
     });
-    let (glossy, served) =
+    let (glossy, cached) =
         frame.film.pixels().iter().map(Pixel::glossy).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let radiance = caches.filter(|c| c.lobes.is_some()).map(|c| {
         let mut fill = FillStats::default();
@@ -78,7 +78,7 @@ pub fn stats(
         "records": levels.iter().filter_map(|l| l["records"].as_u64()).sum::<u64>(),
         "levels": levels,
         "radiance": radiance,
-        "glossy": {"samples": glossy, "served": served, "fraction": if glossy > 0 { served as f64 / glossy as f64 } else { 0.0 }},
+        "glossy": {"samples": glossy, "cached": cached, "fraction": if glossy > 0 { cached as f64 / glossy as f64 } else { 0.0 }},
         "lookups": lookups,
         "hits": lookups - misses,
         "samples": samples,

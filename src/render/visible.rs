@@ -34,7 +34,7 @@ pub fn fill_for_camera(
     let mut births = vec![u32::MAX; order.len()];
     let points = visible(caches, tracer, settings, others, &order);
     let width = (settings.window[2] - settings.window[0]) as usize;
-    let look = |points: &[ShadingPoint], lobes: Option<CachedLobes>| -> Vec<Option<View>> {
+    let appearance = |points: &[ShadingPoint], lobes: Option<CachedLobes>| -> Vec<Option<View>> {
         let samples = points.iter().map(|p| camera_sample(settings, p.number, 0, u32::MAX));
         let rays: Vec<_> = samples.map(|s| (s.camera, s.seed)).collect();
         tracer.views(&rays, lobes)
@@ -42,7 +42,7 @@ pub fn fill_for_camera(
     let towards = |p| settings.camera.towards(p);
     let lobes = caches.lobes.clone();
     let world = SceneWorld::new(tracer, lobes.as_deref(), &settings.scheme)
-        .with_look(&look)
+        .with_appearance(&appearance)
         .with_viewer(&towards);
     let plan = FillPlan {
         deeper_points: DEEPER_POINTS,

@@ -1,8 +1,9 @@
 //! Shading of camera samples: direct light sampled, indirect light of diffuse surfaces from the
 //! cache, everything else by paths that end in it.
 
-use super::path::{PathTracer, Reflected, Sampled, Start, Vertex, split};
+use super::path::{PathTracer, Reflected, Sampled, Start, split};
 use super::points::{LONGEST_CHAIN, footprint};
+use super::vertex::Vertex;
 use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Behind, Cache};
@@ -221,7 +222,8 @@ impl<'a> CachedIntegrator<'a> {
                 } else {
                     self.tracer
                 };
-                let light = tracer.incoming(&next, &start, &mut sampler, seed, Some(self.known()));
+                let light =
+                    tracer.incoming(&next, &start, &mut sampler, seed, Some(self.indirect()));
                 if bounces == 0 {
                     let weights = match sampled {
                         Sampled::Everything => split(&vertex, &scattered),
@@ -263,7 +265,8 @@ impl<'a> CachedIntegrator<'a> {
         for _ in 0..PATHS {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
                 let start = Start { bounces: 0, pdf: scattered.pdf, origin: v.origin() };
-                let light = self.tracer.incoming(&next, &start, sampler, seed, Some(self.known()));
+                let light =
+                    self.tracer.incoming(&next, &start, sampler, seed, Some(self.indirect()));
                 let (diffuse, glossy) = split(v, &scattered);
                 out.radiance.add((diffuse / PATHS as f32, glossy / PATHS as f32), light);
             }
@@ -271,7 +274,7 @@ impl<'a> CachedIntegrator<'a> {
     }
 
     /// Where the paths that go on from visible surfaces may end.
-    fn known(&self) -> IndirectLight<'_> {
+    fn indirect(&self) -> IndirectLight<'_> {
         IndirectLight { records: &self.behind, lobes: self.lobes }
     }
 
@@ -299,14 +302,14 @@ impl<'a> CachedIntegrator<'a> {
         if v.bsdf.is_delta_only() || !v.bsdf.has_glossy() {
             return None;
         }
-        out.gloss = Status::Traced;
+        out.glossy = Status::Traced;
         let albedo = out.surface.filter(|_| bounces == 0).map(|s| s.albedo);
         let (lobes, projector) = (self.lobes?, self.cache.projector()?);
         let level = self.level(bounces);
         let records = self.cache.level(level)?.radiance()?;
         let limit = if level == 0 { limit } else { u32::MAX };
         let answer = if projector.hits().are_kept() {
-            self.tracer.reflect_hits(v, limit, (records, projector.hits()), self.known())
+            self.tracer.reflect_hits(v, limit, (records, projector.hits()), self.indirect())
         } else {
             lobe.order = lobes.project(&v.point, &v.bsdf, albedo, &mut lobe.values)?;
             records.lookup_lobe(projector, &v.point, limit, lobe)
@@ -316,7 +319,7 @@ impl<'a> CachedIntegrator<'a> {
             out.misses += 1;
             return None;
         };
-        out.gloss = Status::Cached;
+        out.glossy = Status::Cached;
         if bounces == 0 {
             out.error = answer.error;
             out.records = answer.records;

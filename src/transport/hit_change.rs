@@ -9,7 +9,8 @@
 //! traced. What a delta lobe shows moves in another way and is left out.
 
 use super::IndirectLight;
-use super::path::{Reflected, Sampled, Step, Vertex};
+use super::path::{Reflected, Sampled, Step};
+use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::gather::HitChange;
 use crate::geometry::SurfacePoint;
@@ -72,11 +73,16 @@ impl<'a> Views<'a> {
     /// what glossy lobes reflect, those on the level of the hit are asked again for other
     /// directions: their product with the lobe is known in all of them, and without noise
     /// [Zhao, Eq. 3.46-3.48].
-    pub fn of_step(&self, step: &Step, next: Color, (known, level): (IndirectLight, u8)) -> Change {
+    pub fn of_step(
+        &self,
+        step: &Step,
+        next: Color,
+        (indirect, level): (IndirectLight, u8),
+    ) -> Change {
         let bsdf = &self.vertex.bsdf;
         let mut cached = self.relative(step.cached.diffuse, |wo| bsdf.diffuse_albedo(wo));
         if step.sampled == Sampled::Nothing {
-            let seen = |wo: Vec3| known.seen_from(level, self.vertex, wo);
+            let seen = |wo: Vec3| indirect.seen_from(level, self.vertex, wo);
             for (sum, [ahead, behind]) in cached.iter_mut().zip(self.beside) {
                 if let (Some(ahead), Some(behind)) = (seen(ahead), seen(behind)) {
                     *sum += (ahead - behind) / (2.0 * self.step);

@@ -1,7 +1,7 @@
 //! Which glossy lobes are cached and which are traced, and what is known of indirect light where
 //! paths may end.
 
-use super::path::Vertex;
+use super::vertex::Vertex;
 use crate::cache::{Bands, Scheme};
 use crate::gather::{Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;

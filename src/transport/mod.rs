@@ -1,14 +1,15 @@
 //! Light transport: the path tracer that everything is measured against, the bidirectional one, the
 //! probe that gathers in our own scene, and shading from the cache.
 
-mod bdpt;
-mod cached;
 mod direct;
-mod hit_change;
+mod vertex;
 mod lobes;
-mod outgoing;
 mod path;
+mod bdpt;
+mod hit_change;
+mod outgoing;
 mod points;
+mod cached;
 mod probe;
 mod reflector;
 mod stored_hits;
@@ -17,11 +18,12 @@ mod world;
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
 pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
-pub use path::{Origin, PathTracer, Start};
+pub use path::{PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use world::{Look, SceneWorld};
+pub use vertex::Origin;
+pub use world::{AppearanceOf, SceneWorld};
 
 use crate::accel::Ray;
 use crate::camera::{Camera, CameraRay};
@@ -159,7 +161,7 @@ pub struct Shaded {
     pub status: Status,
     /// Source of the indirect light of the glossy lobes of the first surface that has any, mirrors
     /// apart; `None` too where the path tracer makes the pixels.
-    pub gloss: Status,
+    pub glossy: Status,
     /// Error of the cache lookup as a share of the allowed one.
     pub error: f32,
     /// Mean of the errors a_i that its records are allowed.

@@ -1,6 +1,7 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
-use super::path::{PathTracer, Sampled, Start, Vertex};
+use super::path::{PathTracer, Sampled, Start};
+use super::vertex::Vertex;
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;
@@ -17,9 +18,13 @@ impl PathTracer<'_> {
     /// The surface that passes through `at`, seen from `at.wo`; `None` if there is none. `seed`
     /// decides where it is partly transparent.
     pub(super) fn surface_at(&self, at: &SurfacePoint, seed: u64) -> Option<Vertex> {
-        let reach = NEARBY * self.scene.size();
-        let towards =
-            Ray { origin: at.position + reach * at.ng, tmin: 0.0, dir: -at.ng, tmax: 2.0 * reach };
+        let radius = NEARBY * self.scene.size();
+        let towards = Ray {
+            origin: at.position + radius * at.ng,
+            tmin: 0.0,
+            dir: -at.ng,
+            tmax: 2.0 * radius,
+        };
         let (mut point, _) = self.scene.intersect(&towards, seed)?;
         point.footprint = at.footprint;
         point.wo = at.wo;
@@ -51,7 +56,7 @@ impl PathTracer<'_> {
             }
         }
         let behind = cache.behind(0);
-        let known = IndirectLight { records: &behind, lobes };
+        let indirect = IndirectLight { records: &behind, lobes };
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);
@@ -67,7 +72,7 @@ impl PathTracer<'_> {
                 &start,
                 &mut sampler,
                 hash(&[seed, u64::from(i)]),
-                Some(known),
+                Some(indirect),
             );
             let arrived = sample.weight * light.indirect;
             if arrived.is_finite() {

@@ -1,11 +1,12 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
+use super::vertex::{Origin, Vertex};
 use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
 use crate::light::{LightSample, LightSource};
 use crate::material::{Bsdf, BsdfSample, Lobe};
-use crate::math::{Color, INV_PI, Vec3};
+use crate::math::{Color, INV_PI};
 use crate::sampling::{
     LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler, cosine_hemisphere_pdf,
     square_to_cosine_hemisphere,
@@ -36,15 +37,6 @@ pub struct Start {
     pub origin: Origin,
 }
 
-/// A surface point as light sampling sees it.
-#[derive(Clone, Copy)]
-pub struct Origin {
-    /// The point.
-    pub position: Vec3,
-    /// The normal whose horizon hides lights; none where light from behind counts too.
-    pub facing: Option<Vec3>,
-}
-
 /// Which lobes the path goes on by, beside the light samples taken at a vertex.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sampled {
@@ -62,22 +54,6 @@ pub(super) enum Sampled {
     /// None, since caches know the indirect light of all: light samples alone account for direct
     /// light.
     Nothing,
-}
-
-/// A vertex from which the next ray leaves.
-pub(super) struct Vertex {
-    pub point: SurfacePoint,
-    pub bsdf: Bsdf,
-}
-
-impl Vertex {
-    /// The vertex as light sampling sees it.
-    pub fn origin(&self) -> Origin {
-        Origin {
-            position: self.point.position,
-            facing: (!self.bsdf.transmits()).then_some(self.point.ng),
-        }
-    }
 }
 
 /// What happens at a vertex: see [`PathTracer::step`].
@@ -161,14 +137,14 @@ impl PathTracer<'_> {
 
     /// The radiance that `ray` brings to the path that began as `start` says.
     ///
-    /// Where indirect light is `known` the path ends.
+    /// Where indirect light is known by `indirect` the path ends.
     pub(super) fn incoming(
         &self,
         ray: &Ray,
         start: &Start,
         sampler: &mut Sampler,
         seed: u64,
-        known: Option<IndirectLight>,
+        indirect: Option<IndirectLight>,
     ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
@@ -194,7 +170,7 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            let step = self.step(&vertex, sampler, bounces, known);
+            let step = self.step(&vertex, sampler, bounces, indirect);
             light.indirect += beta * step.cached.sum();
             if let Some((shadow, lit)) = step.light
                 && !self.scene.occluded(&shadow, shadow_seed(seed, bounces))
@@ -262,10 +238,10 @@ impl PathTracer<'_> {
         v: &Vertex,
         sampler: &mut Sampler,
         bounces: u32,
-        known: Option<IndirectLight>,
+        indirect: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-        let (cached, sampled) = match known
+        let (cached, sampled) = match indirect
             .filter(|_| bounces < self.max_bounces)
             .and_then(|k| k.leaving(level, v))
         {
@@ -279,7 +255,7 @@ impl PathTracer<'_> {
         // it costs more than what it has brought so far. A faint gloss on top of cached
         // light is followed only as often as it matters, and what no cache knows as often as the
         // surface reflects.
-        if let (Some(_), Some((sample, _))) = (known, &mut next) {
+        if let (Some(_), Some((sample, _))) = (indirect, &mut next) {
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let survival = (share * sample.weight.max_element()).min(1.0);
             if sampler.next_1d() < survival {

@@ -3,7 +3,8 @@
 
 use super::CachedLobes;
 use super::path::reflected;
-use super::path::{PathTracer, Sampled, Vertex};
+use super::path::{PathTracer, Sampled};
+use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::cache::Appearance;
 use crate::camera::{Camera, CameraRay};
@@ -204,9 +205,9 @@ impl PathTracer<'_> {
         None
     }
 
-    /// The points with a diffuse lobe, or with glossy lobes that are cached, which cosine-distributed
-    /// rays from `points` meet: `count` rays, spread evenly over the points. With each point comes
-    /// the number of bands of its radiance record, 0 where none is wanted.
+    /// The points with a diffuse lobe, or with glossy lobes that are cached, which
+    /// cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
+    /// With each point comes the number of bands of its radiance record, 0 where none is wanted.
     pub fn next_points(
         &self,
         points: &[SurfacePoint],

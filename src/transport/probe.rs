@@ -4,7 +4,8 @@
 use super::bdpt::LightPaths;
 use super::direct::LightPoints;
 use super::hit_change::{Change, Views};
-use super::path::{PathTracer, Start, Vertex};
+use super::path::{PathTracer, Start};
+use super::vertex::Vertex;
 use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
@@ -91,7 +92,7 @@ impl RadianceProbe for SceneProbe<'_> {
             bundle.change = [0, 1].map(|_| vec![Color::ZERO; bundle.len()]);
         }
         let mut paths = 0;
-        let known = IndirectLight { records: deeper, lobes: self.lobes };
+        let indirect = IndirectLight { records: deeper, lobes: self.lobes };
         let tables = self.lobes.map(|l| l.tables);
         for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
             let seed = hash(&[bundle.seed, k as u64]);
@@ -117,7 +118,7 @@ impl RadianceProbe for SceneProbe<'_> {
             }
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
-            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(known));
+            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(indirect));
             let views = Views::new(bundle.hit_change, tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
                 let change =
@@ -128,7 +129,7 @@ impl RadianceProbe for SceneProbe<'_> {
             let mut followed = Color::ZERO;
             if let Some((sample, next)) = &step.next {
                 let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
-                let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(known));
+                let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(indirect));
                 followed = sample.weight * (light.direct + light.indirect);
                 paths += 1;
             }
@@ -138,7 +139,7 @@ impl RadianceProbe for SceneProbe<'_> {
                     bundle,
                     k,
                     views
-                        .of_step(&step, followed, (known, level.saturating_add(1)))
+                        .of_step(&step, followed, (indirect, level.saturating_add(1)))
                         .map(|c| through * c),
                 );
             }

@@ -2,8 +2,9 @@
 //! what those are worth.
 
 use super::IndirectLight;
-use super::path::{PathTracer, Start, Vertex};
+use super::path::{PathTracer, Start};
 use super::points::position_hash;
+use super::vertex::Vertex;
 use crate::cache::{Answer, Harmonics, Hits, Store};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
@@ -12,14 +13,14 @@ use crate::sampling::{Sampler, hash};
 
 impl PathTracer<'_> {
     /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the
-    /// first level sees it: its indirect light where it is `known`, no emission.
-    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, known: IndirectLight) -> Color {
+    /// first level sees it: its indirect light where it is known by `indirect`, no emission.
+    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, indirect: IndirectLight) -> Color {
         let plain = SurfacePoint::plain(hit.position, hit.normal);
         let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else {
             return Color::ZERO;
         };
         let mut sampler = Sampler::new(seed, 0);
-        let step = self.step(&vertex, &mut sampler, 1, Some(known));
+        let step = self.step(&vertex, &mut sampler, 1, Some(indirect));
         let mut radiance = step.cached.sum();
         if let Some((shadow, lit)) = &step.light
             && !self.scene.occluded(shadow, seed)
@@ -28,7 +29,7 @@ impl PathTracer<'_> {
         }
         if let Some((sample, next)) = &step.next {
             let start = Start { bounces: 1, pdf: sample.pdf, origin: vertex.origin() };
-            let light = self.incoming(next, &start, &mut sampler, seed, Some(known));
+            let light = self.incoming(next, &start, &mut sampler, seed, Some(indirect));
             radiance += sample.weight * (light.direct + light.indirect);
         }
         if radiance.is_finite() { radiance } else { Color::ZERO }
@@ -41,7 +42,7 @@ impl PathTracer<'_> {
         v: &Vertex,
         limit: u32,
         (records, storage): (&Store<Harmonics>, Hits),
-        known: IndirectLight,
+        indirect: IndirectLight,
     ) -> Option<Answer> {
         let seed = position_hash(&v.point);
         let wo = v.point.frame.to_local(v.point.wo);
@@ -57,7 +58,7 @@ impl PathTracer<'_> {
             if share == Color::ZERO || hit.normal == Vec3::ZERO || !traced {
                 return share * hit.radiance;
             }
-            share * self.leaving(hit, -direction, hash(&[seed, number]), known)
+            share * self.leaving(hit, -direction, hash(&[seed, number]), indirect)
         })
     }
 }

@@ -12,7 +12,8 @@ use crate::material::Bsdf;
 
 /// Tells how shading points look, `None` where one sees nothing. Glossy lobes count where they are
 /// cached.
-pub type Look<'a> = dyn Fn(&[ShadingPoint], Option<CachedLobes>) -> Vec<Option<View>> + Sync + 'a;
+pub type AppearanceOf<'a> =
+    dyn Fn(&[ShadingPoint], Option<CachedLobes>) -> Vec<Option<View>> + Sync + 'a;
 
 /// Our own scene with the paths that gathers trace in it, the lobes that are cached, and a viewer.
 pub struct SceneWorld<'a> {
@@ -20,7 +21,7 @@ pub struct SceneWorld<'a> {
     lobes: Option<CachedLobes<'a>>,
     probe: SceneProbe<'a>,
     reflector: Option<SceneReflector<'a>>,
-    look: Option<&'a Look<'a>>,
+    appearance_of: Option<&'a AppearanceOf<'a>>,
     towards: Option<&'a Towards<'a>>,
 }
 
@@ -30,13 +31,13 @@ impl<'a> SceneWorld<'a> {
         let lobes = lobes.map(|l| l.choice(scheme));
         let probe = SceneProbe::new(tracer).with_lobes(lobes);
         let reflector = lobes.map(|l| SceneReflector { tracer, tables: l.tables });
-        Self { tracer, lobes, probe, reflector, look: None, towards: None }
+        Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None }
     }
 
-    /// The same world in which `look` tells how points look.
+    /// The same world in which `of` tells how points look.
     #[must_use]
-    pub fn with_look(self, look: &'a Look<'a>) -> Self {
-        Self { look: Some(look), ..self }
+    pub fn with_appearance(self, of: &'a AppearanceOf<'a>) -> Self {
+        Self { appearance_of: Some(of), ..self }
     }
 
     /// The same world with a viewer: `towards` is the direction to the viewer from a position.
@@ -70,7 +71,7 @@ impl World for SceneWorld<'_> {
     fn appearances(&self, points: &[ShadingPoint], radiance: bool) -> Option<Appearances<'_>> {
         let lobes = self.lobes.filter(|_| radiance);
         let nothing = |p: &ShadingPoint| (p.point, Bsdf::BLACK, Appearance::default());
-        let seen = self.look?(points, lobes).into_iter().zip(points);
+        let seen = self.appearance_of?(points, lobes).into_iter().zip(points);
         let views: Vec<View> = seen.map(|(seen, p)| seen.unwrap_or_else(|| nothing(p))).collect();
         let of_points = views.iter().map(|v| v.2).collect();
         let Some(lobes) = lobes else { return Some(Appearances { of_points, lobes: None }) };

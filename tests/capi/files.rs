@@ -45,7 +45,7 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     );
     fails(unsafe { lumi_cache_merge(foreign.0, c.0, 0) }, LUMI_ERROR_STALE_CACHE, "another scene");
     let finer = cache(&s);
-    set(finer.0, "rays", 128);
+    set(finer.0, "gather.rays", 128);
     fails(
         unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), 0) },
         LUMI_ERROR_STALE_CACHE,
@@ -54,7 +54,7 @@ fn files_go_round_and_tell_stale_from_corrupt() {
     ok(unsafe { lumi_cache_load(finer.0, at("a.lumi").as_ptr(), LUMI_REUSE) });
     assert_eq!(stats(finer.0).records, stats(c.0).records);
     fails(
-        unsafe { lumi_cache_set_i32(finer.0, c"rays".as_ptr(), 64) },
+        unsafe { lumi_cache_set_i32(finer.0, c"gather.rays".as_ptr(), 64) },
         LUMI_ERROR_INVALID_OPERATION,
         "clear it",
     );
@@ -114,7 +114,7 @@ fn records_with_direct_light_go_round() {
     let points = seen(&s, 500);
     let with = |contents: &str| {
         let c = cache(&s);
-        for (name, value) in [("preset", "aric11"), ("contents", contents), ("rays", "64")] {
+        for (name, value) in [("preset", "aric11"), ("contents", contents), ("gather.rays", "64")] {
             ok(unsafe { lumi_cache_set_str(c.0, text(name).as_ptr(), text(value).as_ptr()) });
         }
         c

@@ -111,7 +111,7 @@ fn loaded(device: &Device, name: &str) -> SceneHandle {
 fn cache(scene: &SceneHandle) -> CacheHandle {
     let mut c = null_mut();
     ok(unsafe { lumi_cache_new(scene.0, null(), &raw mut c) });
-    set(c, "rays", 64);
+    set(c, "gather.rays", 64);
     set(c, "deeper_points", 500);
     CacheHandle(c)
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 /// all pixels.
 fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
-    scheme.set("rays", "400").unwrap();
+    scheme.set("gather.rays", "400").unwrap();
     let job = Job::new(scene).scheme(scheme).integrator(integrator).size(40, 40).spp(spp);
     let frame = job.max_bounces(3).seed(1).run().unwrap().frame;
     let mean = |channels: Vec<Vec<f32>>| {

@@ -280,10 +280,10 @@ mod tests {
     fn ellipses_have_the_error_they_should() {
         let frame = Frame::from_normal(Vec3::Z);
         let (e, size) = (0.7, 3.0);
-        for footprint in [Outline::Disc, Outline::Ellipse, Outline::OptimalEllipse] {
+        for outline in [Outline::Disc, Outline::Ellipse, Outline::OptimalEllipse] {
             for measure in [Measure::Average, Measure::Total] {
                 for max_aspect in [2.0_f32, 1e6] {
-                    let scheme = scheme(footprint, measure, max_aspect);
+                    let scheme = scheme(outline, measure, max_aspect);
                     let curvature = Curvature { scheme: &scheme, size, e, frame: &frame };
                     for (large, small) in [(2.0, 2.0), (2.0, 0.7), (2.0, 0.01)] {
                         let r = curvature.semi_axes(large, small);
@@ -295,7 +295,7 @@ mod tests {
                             total / area
                         };
                         let mut factor = 1.0;
-                        if footprint == Outline::Ellipse && measure == Measure::Total {
+                        if outline == Outline::Ellipse && measure == Measure::Total {
                             // The published axes do not meet the bound unless the eigenvalues are
                             // alike; once clamped they are below that.
                             let k = (large / small).powf(0.25);
@@ -307,7 +307,7 @@ mod tests {
                         }
                         assert!(
                             (got / (factor * e) - 1.0).abs() < 1e-4,
-                            "{footprint:?} {measure:?} {large} {small}: {got}"
+                            "{outline:?} {measure:?} {large} {small}: {got}"
                         );
                     }
                 }

@@ -24,7 +24,7 @@ pub struct RadiusRule {
 }
 
 impl RadiusRule {
-    /// The reach on `level`; `smoothing` is 1 while the level fills.
+    /// The rule of `level`; `smoothing` is 1 while the level fills.
     pub fn new(scheme: &Scheme, level: u8, scene_size: f32, smoothing: f32) -> Self {
         Self {
             kernel: scheme.validity.kernel,

@@ -153,7 +153,7 @@ group! {
     #[derive(Copy)]
     #[serde(default)]
     pub struct Refinement {
-        /// Which of them: see [`Cache::converge`](super::Cache::converge).
+        /// Which of them: see [`Cache::refine`](super::Cache::refine).
         pub rule: RefinementRule,
         /// The smallest allowed error that refinement leaves a record.
         pub error_min: f32 = above(0.0, INFINITY),
@@ -178,7 +178,7 @@ group! {
         pub order: u8 = within(1.0, 20.0),
         /// Levels of bounces that have radiance records, of those that have records at all: with 1
         /// the glossy surfaces that the camera sees, with 2 also those that light reaches these
-        /// from, and so on. Paths follow the gloss that is met beyond.
+        /// from, and so on. Paths follow the glossy lobes beyond.
         pub levels: u8 = within(1.0, 16.0),
         /// The basis. The metrics `first` and `second`, and `hits` that change, need `sh` or
         /// `sh-world`.
@@ -275,7 +275,7 @@ group! {
         /// How records are refined, if they are.
         #[serde(with = "set::optional")]
         pub refinement: Option<Refinement>,
-        /// Radiance records, if there are any; otherwise paths follow all gloss.
+        /// Radiance records, if there are any; otherwise paths follow all glossy lobes.
         #[serde(with = "set::optional")]
         pub glossy: Option<Glossy>,
         /// What bounds R_i beside the metric.
@@ -396,7 +396,7 @@ impl Scheme {
         scheme.glossy = Some(glossy);
         scheme.validity.error *= glossy.error;
         scheme.levels = self.levels.min(glossy.levels);
-        // Their gloss needs its own direct light anyway.
+        // Their glossy lobes need its own direct light anyway.
         scheme.contents = Contents::Indirect;
         // And light paths are no part of its harmonics.
         if let Extrapolation::Axes { light_paths, .. } = &mut scheme.extrapolation {

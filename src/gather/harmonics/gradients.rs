@@ -65,8 +65,8 @@ impl HemisphereSamples {
     /// ```
     ///
     /// with `D(a; b) = (L_a - L_b)/min(r_a, r_b)`. No derivative of H and no normal at the hit are
-    /// needed. The zonal factor of H is the same for all sectors, so the sums over j are made before
-    /// the trigonometric factor is applied.
+    /// needed. The zonal factor of H is the same for all sectors, so the sums over j are made
+    /// before the trigonometric factor is applied.
     fn boundary(&self, basis: &dyn Basis) -> [Coefficients; 2] {
         let Layout::Polar { m, n } = self.layout else {
             panic!("the boundary gradient needs the polar layout")

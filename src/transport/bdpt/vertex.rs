@@ -4,7 +4,8 @@ use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::math::{Color, Frame, INV_PI, Vec3};
 use crate::scene::Scene;
-use crate::transport::path::{Reflected, Vertex as Site};
+use crate::transport::path::Reflected;
+use crate::transport::vertex::Vertex as Site;
 
 /// Below this cosine with the viewer a shading normal may have been bent towards it.
 const BENT_COS: f32 = 5e-3;

@@ -313,9 +313,9 @@ mod tests {
         for seed in 0..4 {
             let r = response(seed, 0.0);
             for metric in [FIRST, SECOND] {
-                for footprint in [Outline::Disc, Outline::OptimalEllipse, Outline::Sectors] {
+                for outline in [Outline::Disc, Outline::OptimalEllipse, Outline::Sectors] {
                     for measure in [Measure::Average, Measure::Total] {
-                        let scheme = scheme(metric, footprint, measure);
+                        let scheme = scheme(metric, outline, measure);
                         let area = shape(&scheme, &r, &NOTHING, &frame, size as f32, 1.0);
                         let (axis, other) = (area.axis(Vec3::Z), Vec3::Z.cross(area.axis(Vec3::Z)));
                         let (mut total, mut whole) = (0.0, 0.0);
@@ -342,7 +342,7 @@ mod tests {
                         // their range; by how much depends on the vectors.
                         assert!(
                             got < 1.001 && got > 0.1,
-                            "{metric:?} {footprint:?} {measure:?}: {got}"
+                            "{metric:?} {outline:?} {measure:?}: {got}"
                         );
                     }
                 }
@@ -352,10 +352,10 @@ mod tests {
 
     #[test]
     fn areas_do_not_depend_on_the_tangents() {
-        for (metric, footprint) in
+        for (metric, outline) in
             [(FIRST, Outline::Ellipse), (SECOND, Outline::Ellipse), (SECOND, Outline::Disc)]
         {
-            let mut scheme = scheme(metric, footprint, Measure::Total);
+            let mut scheme = scheme(metric, outline, Measure::Total);
             scheme.clamping = Clamping::Gradient;
             let turn = 0.6_f32;
             let straight = Frame::from_normal(Vec3::Z);
