@@ -1,16 +1,15 @@
 //! The chosen scene put together: its nodes' meshes, cameras and lights in world space.
 
-use super::accessors::{Accessors, Format};
+use super::accessor::{Accessors, Format};
 use super::budget::Budget;
-use super::cameras::CameraKind;
+use super::camera::CameraKind;
+use super::fault::{Fault, Parsed};
 use super::ies::Luminaire;
-use super::json::{Fault, Parsed};
-use super::layout::{Component, Shape};
-use super::lights::Light;
-use super::nodes::{Graph, Instancing, Node};
-use super::primitives::{self, Mesh, Primitive, Recipe};
-use super::shading;
-use super::skins::{self, Skin};
+use super::light::Light;
+use super::mesh::{self, Mesh, Primitive, Recipe};
+use super::node::{Graph, Instancing, Node};
+use super::skin::{self, Skin};
+use super::tangents;
 use crate::camera::Motion;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::material::{Material, NativeBrdf};
@@ -20,16 +19,6 @@ use crate::texture::TextureRef;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-
-const OFFSETS: Format = Format { shapes: &[Shape::Vec3], components: &[(Component::F32, None)] };
-const ROTATIONS: Format = Format {
-    shapes: &[Shape::Vec4],
-    components: &[
-        (Component::F32, None),
-        (Component::I8, Some(true)),
-        (Component::I16, Some(true)),
-    ],
-};
 
 /// The parts of a document that nodes refer to.
 pub(super) struct Parts<'p, 'a> {
@@ -134,8 +123,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             let entry = match self.made.get(&key) {
                 Some(entry) => *entry,
                 None => {
-                    let built =
-                        primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+                    let built = mesh::build(primitive, weights, self.parts.accessors, self.budget)?;
                     let entry =
                         self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?;
                     self.made.insert(key, entry);
@@ -162,8 +150,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
     fn skinned(&mut self, node: &Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
         let matrices = skin.matrices(self.parts.graph, self.parts.accessors, self.budget)?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            let mut built =
-                primitives::build(primitive, weights, self.parts.accessors, self.budget)?;
+            let mut built = mesh::build(primitive, weights, self.parts.accessors, self.budget)?;
             let mut to_world = DAffine3::IDENTITY;
             if built.influences.sets == 0 {
                 self.scene.warnings.push(format!(
@@ -172,7 +159,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 ));
                 to_world = node.to_world;
             } else {
-                skins::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
+                skin::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
                 let mesh = &mut built.mesh;
                 built.degenerate +=
                     super::topology::drop_degenerate(mesh.indices.to_mut(), &mesh.positions);
@@ -204,7 +191,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
         if mesh.indices.is_empty() {
             return Ok(None);
         }
-        let lost = shading::normalize(&mut mesh);
+        let lost = tangents::normalize(&mut mesh);
         if lost > 0 {
             self.scene
                 .warnings
@@ -248,12 +235,12 @@ impl<'p, 'a> Assembly<'p, 'a> {
         match &material.normal_texture {
             Some(t) => {
                 let (sin, cos) = t.rotation.sin_cos();
-                shading::generate_tangents(mesh, usize::from(t.uv_set), |uv| {
+                tangents::generate_tangents(mesh, usize::from(t.uv_set), |uv| {
                     let uv = uv * t.scale;
                     t.offset + Vec2::new(cos * uv.x + sin * uv.y, cos * uv.y - sin * uv.x)
                 });
             }
-            None if anisotropic => shading::generate_tangents(mesh, 0, |uv| uv),
+            None if anisotropic => tangents::generate_tangents(mesh, 0, |uv| uv),
             None => {}
         }
     }
@@ -282,62 +269,53 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     /// The transforms of EXT_mesh_gpu_instancing, relative to the node.
     fn instances(&mut self, node: &Node, instancing: &Instancing) -> Parsed<Vec<DAffine3>> {
-        let Parts { accessors, .. } = &self.parts;
         let base = format!("{}/extensions/EXT_mesh_gpu_instancing/attributes", node.path);
         let mut count = None;
-        for (key, index, format) in [
-            ("TRANSLATION", instancing.translation, &OFFSETS),
-            ("ROTATION", instancing.rotation, &ROTATIONS),
-            ("SCALE", instancing.scale, &OFFSETS),
-        ] {
-            let Some(index) = index else { continue };
-            let path = format!("{base}/{key}");
-            let accessor = accessors.expect(index, format, &path)?;
-            if *count.get_or_insert(accessor.count) != accessor.count {
-                return Err(Fault::new(
-                    path,
-                    "its count differs from that of the other attributes",
-                ));
-            }
-        }
-        let Some(count) = count else { return Ok(vec![DAffine3::IDENTITY]) };
-        let translations = match instancing.translation {
-            Some(index) => {
-                Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?)
-            }
-            None => None,
-        };
-        let rotations = match instancing.rotation {
-            Some(index) => {
-                Some(accessors.read::<4>(&accessors.list[index], None, 0.0, self.budget)?)
-            }
-            None => None,
-        };
-        let scales = match instancing.scale {
-            Some(index) => {
-                Some(accessors.read::<3>(&accessors.list[index], None, 0.0, self.budget)?)
-            }
-            None => None,
-        };
-        let vector = |values: &Option<Vec<[f32; 3]>>, i: usize, default: DVec3| {
-            values.as_ref().map_or(default, |v| DVec3::from_array(v[i].map(f64::from)))
-        };
+        let translations: Option<Vec<Vec3>> = self.instanced(
+            instancing.translation,
+            &Format::VECTORS,
+            &base,
+            "TRANSLATION",
+            &mut count,
+        )?;
+        let rotations: Option<Vec<[f32; 4]>> =
+            self.instanced(instancing.rotation, &Format::ROTATIONS, &base, "ROTATION", &mut count)?;
+        let scales: Option<Vec<Vec3>> =
+            self.instanced(instancing.scale, &Format::VECTORS, &base, "SCALE", &mut count)?;
         let transform = |i: usize| {
-            let rotation = match &rotations {
-                Some(rotations) => DQuat::from_array(rotations[i].map(f64::from)),
-                None => DQuat::IDENTITY,
+            let vector = |values: &Option<Vec<Vec3>>, default: DVec3| {
+                values.as_ref().map_or(default, |v| v[i].as_dvec3())
             };
+            let rotation = rotations.as_ref().map_or(DQuat::IDENTITY, |rotations| {
+                DQuat::from_array(rotations[i].map(f64::from))
+            });
             if rotation.length_squared() < 1e-6 {
-                return Err(Fault::new(
-                    format!("{base}/ROTATION"),
-                    format!("element {i} is no rotation: its length should be 1"),
-                ));
+                let what = format!("element {i} is no rotation: its length should be 1");
+                return Err(Fault::new(format!("{base}/ROTATION"), what));
             }
             let (scale, translation) =
-                (vector(&scales, i, DVec3::ONE), vector(&translations, i, DVec3::ZERO));
+                (vector(&scales, DVec3::ONE), vector(&translations, DVec3::ZERO));
             Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
         };
-        (0..count as usize).map(transform).collect()
+        (0..count.unwrap_or(1) as usize).map(transform).collect()
+    }
+
+    /// One of the attributes of instances, which all have the same count.
+    fn instanced<const N: usize, T: From<[f32; N]> + Clone>(
+        &mut self,
+        index: Option<usize>,
+        format: &Format,
+        base: &str,
+        key: &str,
+        count: &mut Option<u64>,
+    ) -> Parsed<Option<Vec<T>>> {
+        let Some(index) = index else { return Ok(None) };
+        let path = format!("{base}/{key}");
+        let accessor = self.parts.accessors.expect(index, format, &path)?;
+        if *count.get_or_insert(accessor.count) != accessor.count {
+            return Err(Fault::new(path, "its count differs from that of the other attributes"));
+        }
+        self.parts.accessors.read(accessor, None, 0.0, self.budget).map(Some)
     }
 }
 

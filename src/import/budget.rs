@@ -1,6 +1,6 @@
 //! A bound on what a file may make of itself in memory.
 
-use super::json::{Fault, Parsed};
+use super::fault::{Fault, Parsed};
 
 /// Counts the bytes that decoding produces against the bytes that were read, so that a small
 /// hostile file cannot fill the memory.

@@ -1,178 +1,143 @@
 //! The file around a document: plain JSON (.gltf) or the binary container (.glb) [glTF20, 4].
 
-use super::json::{Fault, Parsed};
-use std::ops::Range;
+use super::fault::{Fault, Parsed};
 use std::path::Path;
 
 const MAGIC: &[u8] = b"glTF";
-const JSON_CHUNK: u32 = 0x4E4F_534A;
-const BIN_CHUNK: u32 = 0x004E_4942;
+const JSON: u32 = u32::from_le_bytes(*b"JSON");
+const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// A scene file in memory.
-pub(super) struct Container {
-    bytes: Vec<u8>,
-    json: Range<usize>,
-    bin: Option<Range<usize>>,
+/// A scene file taken apart.
+#[derive(Debug)]
+pub(super) struct Container<'a> {
+    /// The text of the document.
+    pub json: &'a [u8],
+    /// The binary chunk.
+    pub bin: Option<&'a [u8]>,
     /// True for a binary container.
     pub is_glb: bool,
 }
 
-impl Container {
-    /// The text of the document.
-    pub fn json(&self) -> &[u8] {
-        &self.bytes[self.json.clone()]
-    }
-
-    /// The binary chunk.
-    pub fn bin(&self) -> Option<&[u8]> {
-        self.bin.clone().map(|range| &self.bytes[range])
-    }
-
-    /// Takes the bytes of a scene file apart; `path` only tells by its extension what the file
-    /// claims to be.
-    pub fn parse(bytes: Vec<u8>, path: &Path, warnings: &mut Vec<String>) -> Parsed<Self> {
-        let claims_glb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
-        if claims_glb || bytes.starts_with(MAGIC) {
-            let (json, bin) = chunks(&bytes, warnings)?;
-            return Ok(Self { bytes, json, bin, is_glb: true });
-        }
-        if bytes.is_empty() {
-            return Err(Fault::new("", "the file is empty"));
-        }
-        Ok(Self { json: 0..bytes.len(), bytes, bin: None, is_glb: false })
-    }
-}
-
-/// The little-endian word at `offset`.
-fn word(bytes: &[u8], offset: usize) -> Option<u32> {
-    Some(u32::from_le_bytes(bytes.get(offset..offset.checked_add(4)?)?.try_into().ok()?))
-}
-
-/// The JSON chunk and the binary chunk of a container.
-fn chunks(
-    bytes: &[u8],
+/// Takes the bytes of a scene file apart; `path` only tells by its extension what the file claims
+/// to be.
+pub(super) fn split<'a>(
+    bytes: &'a [u8],
+    path: &Path,
     warnings: &mut Vec<String>,
-) -> Parsed<(Range<usize>, Option<Range<usize>>)> {
-    let fault = |what: String| Err(Fault::new("", what));
-    let (Some(_), Some(version), Some(declared)) = (word(bytes, 0), word(bytes, 4), word(bytes, 8))
-    else {
-        return fault(format!(
-            "not a binary glTF: the file has {} bytes, and its header alone needs 12",
-            bytes.len()
+) -> Parsed<Container<'a>> {
+    let claims_glb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
+    if claims_glb || bytes.starts_with(MAGIC) {
+        return chunks(bytes, warnings).map_err(|what| Fault::new("", what));
+    }
+    if bytes.is_empty() {
+        return Err(Fault::new("", "the file is empty"));
+    }
+    Ok(Container { json: bytes, bin: None, is_glb: false })
+}
+
+/// The first little-endian word of `bytes`, and what follows it.
+fn word(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    bytes.split_first_chunk().map(|(word, rest)| (u32::from_le_bytes(*word), rest))
+}
+
+fn chunks<'a>(
+    bytes: &'a [u8],
+    warnings: &mut Vec<String>,
+) -> std::result::Result<Container<'a>, String> {
+    let size = bytes.len();
+    let header = word(bytes).and_then(|(_, rest)| word(rest));
+    let header = header.and_then(|(version, rest)| Some((version, word(rest)?.0)));
+    let Some((version, length)) = header else {
+        return Err(format!(
+            "not a binary glTF: the file has {size} bytes, and its header alone needs 12"
         ));
     };
     if !bytes.starts_with(MAGIC) {
-        return fault("not a binary glTF: the file does not begin with \"glTF\"".into());
+        return Err("not a binary glTF: the file does not begin with \"glTF\"".into());
     }
     if version != 2 {
-        return fault(format!("binary glTF version {version}; only version 2 is known"));
+        return Err(format!("binary glTF version {version}; only version 2 is known"));
     }
-    let length = declared as usize;
-    if length < 20 {
-        return fault(format!(
-            "the GLB header declares a length of {length} bytes, too few for a JSON chunk"
+    let length = length as usize;
+    if length > size {
+        return Err(format!(
+            "the GLB header declares {length} bytes, and the file has {size}: is it truncated?"
         ));
     }
-    if length > bytes.len() {
-        return fault(format!(
-            "the GLB header declares {length} bytes, and the file has {}: is it truncated?",
-            bytes.len()
-        ));
+    if length < size {
+        let rest = size - length;
+        warnings.push(format!("{rest} bytes after the end of the GLB container are ignored"));
     }
-    if length < bytes.len() {
-        warnings.push(format!(
-            "{} bytes after the end of the GLB container are ignored",
-            bytes.len() - length
-        ));
-    }
-    let (mut json, mut bin) = (None, None);
-    let (mut offset, mut number) = (12, 0);
-    while offset < length {
-        let (Some(size), Some(kind), true) =
-            (word(bytes, offset), word(bytes, offset + 4), offset + 8 <= length)
-        else {
-            return fault(format!("the GLB container ends inside the header of chunk {number}"));
+    let mut chunks = Vec::new();
+    let mut rest = bytes.get(12..length).unwrap_or_default();
+    while !rest.is_empty() {
+        let number = chunks.len();
+        let header = word(rest).and_then(|(size, rest)| Some((size as usize, word(rest)?)));
+        let Some((size, (kind, body))) = header else {
+            return Err(format!("the GLB container ends inside the header of chunk {number}"));
         };
-        let start = offset + 8;
         if size % 4 != 0 {
-            return fault(format!(
-                "the length {size} of GLB chunk {number} is not a multiple of 4"
-            ));
+            return Err(format!("the length {size} of GLB chunk {number} is not a multiple of 4"));
         }
-        let Some(end) = start.checked_add(size as usize).filter(|end| *end <= length) else {
-            return fault(format!(
-                "GLB chunk {number} of {size} bytes does not fit the container of {length} bytes"
-            ));
+        let Some((chunk, after)) = body.split_at_checked(size) else {
+            return Err(format!("GLB chunk {number} of {size} bytes does not fit the container"));
         };
-        match kind {
-            JSON_CHUNK if number == 0 => {
-                if size == 0 {
-                    return fault("the JSON chunk of the GLB container is empty".into());
-                }
-                json = Some(start..end);
+        chunks.push((kind, chunk));
+        rest = after;
+    }
+    let mut file = match chunks.first() {
+        Some(&(JSON, json)) if !json.is_empty() => Container { json, bin: None, is_glb: true },
+        Some((JSON, _)) => return Err("the JSON chunk of the GLB container is empty".into()),
+        _ => return Err("the GLB container does not begin with a JSON chunk".into()),
+    };
+    for (number, (kind, chunk)) in chunks.iter().enumerate().skip(1) {
+        match *kind {
+            BIN if number == 1 => file.bin = Some(chunk),
+            JSON | BIN => {
+                return Err(format!("GLB chunk {number} has a type that may not stand there"));
             }
-            _ if number == 0 => {
-                return fault(format!(
-                    "the first GLB chunk must be JSON, and is of type {kind:#010x}"
-                ));
-            }
-            JSON_CHUNK => return fault(format!("GLB chunk {number} is a second JSON chunk")),
-            BIN_CHUNK if number == 1 => bin = Some(start..end),
-            BIN_CHUNK if bin.is_some() => {
-                return fault(format!("GLB chunk {number} is a second binary chunk"));
-            }
-            BIN_CHUNK => {
-                return fault(format!("GLB chunk {number} is binary, which only chunk 1 may be"));
-            }
-            _ => warnings
-                .push(format!("GLB chunk {number} of the unknown type {kind:#010x} is ignored")),
+            _ => warnings.push(format!("GLB chunk {number} of an unknown type is ignored")),
         }
-        (offset, number) = (end, number + 1);
     }
-    match json {
-        Some(json) => Ok((json, bin)),
-        None => fault("the GLB container has no JSON chunk".into()),
-    }
+    Ok(file)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn glb(chunks: &[(u32, &[u8])]) -> Vec<u8> {
+    fn glb(chunks: &[(&[u8], &[u8])]) -> Vec<u8> {
         let mut body = Vec::new();
         for (kind, data) in chunks {
             body.extend((data.len() as u32).to_le_bytes());
-            body.extend(kind.to_le_bytes());
+            body.extend(*kind);
             body.extend(*data);
         }
         [MAGIC, &2u32.to_le_bytes(), &(12 + body.len() as u32).to_le_bytes(), &body].concat()
     }
 
-    fn parse(bytes: Vec<u8>) -> Parsed<Container> {
-        Container::parse(bytes, Path::new("a.glb"), &mut Vec::new())
+    fn parse(bytes: &[u8]) -> Parsed<Container<'_>> {
+        split(bytes, Path::new("a.glb"), &mut Vec::new())
     }
 
     #[test]
     fn chunks_are_found_and_unknown_ones_skipped() {
-        let file =
-            parse(glb(&[(JSON_CHUNK, b"{}  "), (BIN_CHUNK, b"abcd"), (7, b"????")])).unwrap();
-        assert_eq!(
-            (file.json(), file.bin(), file.is_glb),
-            (&b"{}  "[..], Some(&b"abcd"[..]), true)
-        );
+        let bytes = glb(&[(b"JSON", b"{}  "), (b"BIN\0", b"abcd"), (b"xxxx", b"????")]);
+        let file = parse(&bytes).unwrap();
+        assert_eq!((file.json, file.bin, file.is_glb), (&b"{}  "[..], Some(&b"abcd"[..]), true));
+        assert!(parse(&glb(&[(b"JSON", b"{}  "), (b"JSON", b"{}  ")])).is_err());
     }
 
     #[test]
     fn no_prefix_of_a_container_is_accepted() {
-        let whole = glb(&[(JSON_CHUNK, b"{}  "), (BIN_CHUNK, b"abcd")]);
+        let whole = glb(&[(b"JSON", b"{}  "), (b"BIN\0", b"abcd")]);
         for n in 0..whole.len() {
-            assert!(parse(whole[..n].to_vec()).is_err(), "{n} bytes");
+            assert!(parse(&whole[..n]).is_err(), "{n} bytes");
             // The same with a header that declares the shorter length.
             let mut cut = whole[..n].to_vec();
             if n >= 12 && n != 24 {
                 cut[8..12].copy_from_slice(&(n as u32).to_le_bytes());
-                assert!(parse(cut).is_err(), "{n} bytes, declared");
+                assert!(parse(&cut).is_err(), "{n} bytes, declared");
             }
         }
     }

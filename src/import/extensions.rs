@@ -1,7 +1,8 @@
 //! Which extensions a file may require.
 
-use super::json::{Fault, Json, Parsed, quote};
+use super::fault::{Fault, Parsed, quote};
 use super::meshopt;
+use serde_json::Value;
 
 /// Extensions that we read, or that change nothing in a still picture.
 const KNOWN: [&str; 19] = [
@@ -45,19 +46,18 @@ fn advice(name: &str) -> &'static str {
 }
 
 /// Refuses a document that requires what we lack.
-pub(super) fn check(root: &Json) -> Parsed<()> {
-    for used in root.array("extensionsUsed")? {
-        used.as_string()?;
-    }
-    for required in root.array("extensionsRequired")? {
-        let name = required.as_string()?;
+pub(super) fn check(root: &Value) -> Parsed<()> {
+    let required = root["extensionsRequired"].as_array();
+    for (i, name) in required.into_iter().flatten().enumerate() {
+        // What is no string is refused by the check of the document.
+        let Some(name) = name.as_str() else { continue };
         if !KNOWN.contains(&name) && !meshopt::NAMES.contains(&name) {
             let what = format!(
                 "the file requires the extension {}, which this program lacks: {}",
                 quote(name),
                 advice(name)
             );
-            return Err(Fault::unsupported(required.path(), what));
+            return Err(Fault::unsupported(format!("/extensionsRequired/{i}"), what));
         }
     }
     Ok(())

@@ -1,14 +1,16 @@
 //! Measured luminaires: IES files, EXT_lights_ies, and the same as `extras`; the format of the
 //! latter is documented at [`super`].
 
-use super::accessors::Accessors;
-use super::json::{Fault, Json, Parsed, quote};
+use super::buffers::Buffers;
+use super::document::{Document, float, floats, index};
+use super::fault::{Fault, Parsed, quote};
 use super::uri::{self, Target};
 use super::{ImportOptions, LightUnits};
 use crate::error::{Error, Result};
 use crate::light::{IesProfile, PunctualLight};
 use crate::math::{Color, Mat3};
 use glam::{DAffine3, DVec3};
+use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -46,29 +48,31 @@ pub(super) struct Luminaire {
 }
 
 impl Luminaire {
-    /// A luminaire of a punctual light: its `extras` decide between the candela of the file and its
-    /// own intensity at the peak.
+    /// A luminaire of the punctual light at `path`: its `extras` decide between the candela of the
+    /// file and its own intensity at the peak.
     pub fn of_light(
-        json: &Json,
+        document: &Document,
+        path: &str,
         color: Color,
         intensity: f32,
         files: &mut Profiles,
         units: LightUnits,
     ) -> Parsed<Option<Self>> {
-        let Some(extras) = extras(json)? else { return Ok(None) };
-        reject_unknown(&extras, &["ies", "multiplier", "relative"])?;
-        let profile = files.load(extras.need_string("ies")?, &extras.path_of("ies"))?;
-        let mut factor = extras.number_in("multiplier", 1.0, 0.0, f64::INFINITY)?;
-        if extras.boolean("relative", false)? {
+        let path = format!("{path}/extras/lumicache");
+        let Some(extras) = document.json.pointer(&path) else { return Ok(None) };
+        let Some(uri) = extras["ies"].as_str() else { return Ok(None) };
+        let profile = files.load(uri, &format!("{path}/ies"))?;
+        let mut factor = float(&extras["multiplier"], 1.0);
+        if extras["relative"] == true {
             factor *= if profile.peak() > 0.0 { intensity / profile.peak() } else { 0.0 };
         }
         Ok(Some(Self { profile, scale: color * factor / units.efficacy() }))
     }
 
-    fn of_node(json: &Json, profile: Arc<IesProfile>, units: LightUnits) -> Parsed<Self> {
-        let color = Color::from_array(json.numbers_in::<3>("color", 1.0, 0.0, 1.0)?);
-        let multiplier = json.number_in("multiplier", 1.0, 0.0, f64::INFINITY)?;
-        Ok(Self { profile, scale: color * multiplier / units.efficacy() })
+    fn of_node(json: &Value, profile: Arc<IesProfile>, units: LightUnits) -> Self {
+        let color = Color::from_array(floats(&json["color"], 1.0));
+        let scale = color * float(&json["multiplier"], 1.0) / units.efficacy();
+        Self { profile, scale }
     }
 
     /// The luminaire on a node: it shines along the node's -Z and the node's scale does not touch
@@ -91,24 +95,6 @@ impl Luminaire {
     }
 }
 
-/// The object `extras.lumicache` of a node or a light, if it names a profile.
-fn extras<'a>(json: &Json<'a>) -> Parsed<Option<Json<'a>>> {
-    let Some(extras) = json.get("extras")?.filter(Json::is_object) else { return Ok(None) };
-    Ok(extras.object_at("lumicache")?.filter(|own| own.has("ies")))
-}
-
-/// A misspelt property would silently give another light.
-fn reject_unknown(json: &Json, known: &[&str]) -> Parsed<()> {
-    match json.object()?.keys().find(|key| !known.contains(&key.as_str())) {
-        Some(key) => Err(json.fault(format!(
-            "the property {} is unknown here; known are {}",
-            quote(key),
-            known.join(", ")
-        ))),
-        None => Ok(()),
-    }
-}
-
 /// The IES files of a document, each read once.
 pub(super) struct Profiles<'a> {
     folder: &'a Path,
@@ -118,31 +104,30 @@ pub(super) struct Profiles<'a> {
 
 impl<'a> Profiles<'a> {
     /// Reads the profiles that EXT_lights_ies lists.
-    pub fn parse(root: &Json, accessors: &Accessors, folder: &'a Path) -> Parsed<Self> {
-        let mut profiles = Self { folder, files: HashMap::new(), listed: Vec::new() };
-        let Some(extension) = root.extension("EXT_lights_ies")? else { return Ok(profiles) };
-        for json in extension.array("lights")? {
-            let profile = profiles.listed(&json, accessors)?;
+    pub fn parse(document: &'a Document, buffers: &Buffers) -> Parsed<Self> {
+        let mut profiles =
+            Self { folder: document.folder, files: HashMap::new(), listed: Vec::new() };
+        let lights = document.json["extensions"]["EXT_lights_ies"]["lights"].as_array();
+        for (i, json) in lights.into_iter().flatten().enumerate() {
+            let path = format!("/extensions/EXT_lights_ies/lights/{i}");
+            let profile = profiles.listed(json, &path, buffers)?;
             profiles.listed.push(profile);
         }
         Ok(profiles)
     }
 
-    fn listed(&mut self, json: &Json, accessors: &Accessors) -> Parsed<Arc<IesProfile>> {
-        json.object()?;
-        json.string("name")?;
-        let buffers = accessors.buffers();
-        match (json.string("uri")?, json.index("bufferView", "bufferViews", buffers.views.len())?) {
-            (Some(uri), None) => self.load(uri, &json.path_of("uri")),
+    fn listed(&mut self, json: &Value, path: &str, buffers: &Buffers) -> Parsed<Arc<IesProfile>> {
+        match (json["uri"].as_str(), index(&json["bufferView"])) {
+            (Some(uri), None) => self.load(uri, &format!("{path}/uri")),
             (None, Some(view)) => {
-                if json.string("mimeType")?.is_none() {
-                    return Err(json.missing("mimeType"));
+                if json.get("mimeType").is_none() {
+                    return Err(Fault::new(path, "the property \"mimeType\" is missing"));
                 }
-                let at = json.path_of("bufferView");
+                let at = format!("{path}/bufferView");
                 let bytes = buffers.bytes(view).map_err(|why| Fault::new(at.as_str(), why))?;
                 embedded(bytes, &at)
             }
-            _ => Err(json.fault("must have either a uri or a bufferView, and not both")),
+            _ => Err(Fault::new(path, "must have either a uri or a bufferView, and not both")),
         }
     }
 
@@ -172,34 +157,27 @@ impl<'a> Profiles<'a> {
     /// The luminaire of each node, by EXT_lights_ies or by its `extras`.
     pub fn nodes(
         &mut self,
-        root: &Json,
+        document: &Document,
         options: &ImportOptions,
     ) -> Parsed<Vec<Option<Luminaire>>> {
+        let units = options.light_units;
+        let nodes = document.json["nodes"].as_array();
         let mut luminaires = Vec::new();
-        for node in root.entities("nodes")? {
-            let (extension, extras) = (node.extension("EXT_lights_ies")?, extras(&node)?);
-            luminaires.push(match (extension, extras) {
+        for (i, node) in nodes.into_iter().flatten().enumerate() {
+            let (reference, extras) =
+                (&node["extensions"]["EXT_lights_ies"], &node["extras"]["lumicache"]);
+            luminaires.push(match (index(&reference["light"]), extras["ies"].as_str()) {
                 (None, None) => None,
                 (Some(_), Some(_)) => {
-                    return Err(node
-                        .fault("it has a luminaire by EXT_lights_ies and another in its extras"));
+                    let what = "it has a luminaire by EXT_lights_ies and another in its extras";
+                    return Err(Fault::new(format!("/nodes/{i}"), what));
                 }
-                (Some(reference), None) => {
-                    let index = reference.need_index(
-                        "light",
-                        "extensions/EXT_lights_ies/lights",
-                        self.listed.len(),
-                    )?;
-                    Some(Luminaire::of_node(
-                        &reference,
-                        Arc::clone(&self.listed[index]),
-                        options.light_units,
-                    )?)
+                (Some(light), None) => {
+                    Some(Luminaire::of_node(reference, Arc::clone(&self.listed[light]), units))
                 }
-                (None, Some(extras)) => {
-                    reject_unknown(&extras, &["ies", "multiplier", "color"])?;
-                    let profile = self.load(extras.need_string("ies")?, &extras.path_of("ies"))?;
-                    Some(Luminaire::of_node(&extras, profile, options.light_units)?)
+                (None, Some(uri)) => {
+                    let profile = self.load(uri, &format!("/nodes/{i}/extras/lumicache/ies"))?;
+                    Some(Luminaire::of_node(extras, profile, units))
                 }
             });
         }

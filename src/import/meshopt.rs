@@ -1,31 +1,17 @@
 //! EXT_meshopt_compression and its successor KHR_meshopt_compression: compressed buffer views.
 
 use super::budget::Budget;
-use super::json::{Json, Parsed, quote};
+use super::document::index;
+use super::fault::{Fault, Parsed};
+use serde_json::Value;
 
 /// The names of the extension.
 pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Mode {
-    Attributes,
-    Triangles,
-    Indices,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Filter {
-    None,
-    Octahedral,
-    Quaternion,
-    Exponential,
-    Color,
-}
-
 /// A compressed buffer view as the document describes it.
 pub(super) struct Compressed<'a> {
-    /// The extension object.
-    pub json: Json<'a>,
+    /// JSON path of the extension.
+    pub path: String,
     /// Index of the buffer with the compressed bytes.
     pub buffer: usize,
     /// Where they begin.
@@ -34,129 +20,101 @@ pub(super) struct Compressed<'a> {
     pub length: u64,
     stride: u64,
     count: u64,
-    mode: Mode,
-    filter: Filter,
+    mode: &'a str,
+    filter: &'a str,
 }
 
-fn extension<'a>(json: &Json<'a>) -> Parsed<Option<Json<'a>>> {
-    for name in NAMES {
-        if let Some(extension) = json.extension(name)? {
-            return Ok(Some(extension));
-        }
-    }
-    Ok(None)
+/// The name and the object of the extension.
+fn extension(object: &Value) -> Option<(&'static str, &Value)> {
+    let extensions = &object["extensions"];
+    NAMES.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
 }
 
 /// True for a buffer that only stands for the decompressed bytes.
-pub(super) fn is_fallback(buffer: &Json) -> Parsed<bool> {
-    extension(buffer)?.map_or(Ok(false), |e| e.boolean("fallback", false))
+pub(super) fn is_fallback(buffer: &Value) -> bool {
+    extension(buffer).is_some_and(|(_, json)| json["fallback"] == true)
 }
 
 impl<'a> Compressed<'a> {
-    /// The compression of a buffer view, `None` if it is stored plainly; `buffers` is the number of
-    /// buffers.
-    pub fn of(view: &Json<'a>, buffers: usize) -> Parsed<Option<Self>> {
-        let Some(json) = extension(view)? else { return Ok(None) };
-        let mode = match json.need_string("mode")? {
-            "ATTRIBUTES" => Mode::Attributes,
-            "TRIANGLES" => Mode::Triangles,
-            "INDICES" => Mode::Indices,
-            other => {
-                return Err(json
-                    .fault_at("mode", format!("{} is no mode of this compression", quote(other))));
-            }
-        };
-        let filter = match json.string("filter")? {
-            None | Some("NONE") => Filter::None,
-            Some("OCTAHEDRAL") => Filter::Octahedral,
-            Some("QUATERNION") => Filter::Quaternion,
-            Some("EXPONENTIAL") => Filter::Exponential,
-            Some("COLOR") => Filter::Color,
-            Some(other) => {
-                return Err(json.fault_at(
-                    "filter",
-                    format!("{} is no filter of this compression", quote(other)),
-                ));
-            }
-        };
+    /// The compression of the buffer view at the JSON path `at`, `None` if it is stored plainly.
+    pub fn of(view: &'a Value, at: &str) -> Parsed<Option<Self>> {
+        let Some((name, json)) = extension(view) else { return Ok(None) };
+        let number = |key: &str| json[key].as_u64().unwrap_or(0);
         let this = Self {
-            buffer: json.need_index("buffer", "buffers", buffers)?,
-            offset: json.unsigned("byteOffset")?.unwrap_or(0),
-            length: json.need_positive("byteLength")?,
-            stride: json.need_positive("byteStride")?,
-            count: json.need_positive("count")?,
-            json,
-            mode,
-            filter,
+            path: format!("{at}/extensions/{name}"),
+            buffer: index(&json["buffer"]).unwrap_or(0),
+            offset: number("byteOffset"),
+            length: number("byteLength"),
+            stride: number("byteStride"),
+            count: number("count"),
+            mode: json["mode"].as_str().unwrap_or(""),
+            filter: json["filter"].as_str().unwrap_or("NONE"),
         };
         this.check()?;
         Ok(Some(this))
     }
 
+    fn fault(&self, key: &str, what: String) -> Fault {
+        Fault::new(format!("{}{key}", self.path), what)
+    }
+
     fn check(&self) -> Parsed<()> {
-        let Self { json, stride, mode, filter, .. } = self;
-        let stride_fits = match mode {
-            Mode::Attributes => stride % 4 == 0 && *stride <= 256,
-            Mode::Triangles | Mode::Indices => [2, 4].contains(stride),
+        let Self { stride, mode, filter, .. } = self;
+        let stride_fits = match *mode {
+            "ATTRIBUTES" => stride % 4 == 0 && (4..=256).contains(stride),
+            _ => [2, 4].contains(stride),
         };
         if !stride_fits {
-            return Err(json.fault_at("byteStride", format!("{stride} does not suit the mode")));
+            return Err(self.fault("/byteStride", format!("{stride} does not suit the mode")));
         }
-        if *mode == Mode::Triangles && !self.count.is_multiple_of(3) {
-            return Err(json.fault_at("count", format!("{} is not a multiple of 3", self.count)));
+        if *mode == "TRIANGLES" && !self.count.is_multiple_of(3) {
+            return Err(self.fault("/count", format!("{} is not a multiple of 3", self.count)));
         }
-        let filter_fits = match filter {
-            Filter::None => true,
-            Filter::Octahedral | Filter::Color => [4, 8].contains(stride),
-            Filter::Quaternion => *stride == 8,
-            Filter::Exponential => stride % 4 == 0,
+        let filter_fits = match *filter {
+            "NONE" => true,
+            "OCTAHEDRAL" | "COLOR" => [4, 8].contains(stride),
+            "QUATERNION" => *stride == 8,
+            _ => stride % 4 == 0,
         };
-        if !filter_fits || (*filter != Filter::None && *mode != Mode::Attributes) {
-            return Err(json
-                .fault_at("filter", format!("it does not suit the mode or the stride {stride}")));
+        if !filter_fits || (*filter != "NONE" && *mode != "ATTRIBUTES") {
+            let what = format!("it does not suit the mode or the stride {stride}");
+            return Err(self.fault("/filter", what));
         }
         Ok(())
     }
 
     /// Decompresses `source` to the `length` bytes of the view.
     pub fn decode(&self, source: &[u8], length: u64, budget: &mut Budget) -> Parsed<Vec<u8>> {
-        let Self { json, stride, count, .. } = self;
+        use ::meshopt::{decode_index_buffer, decode_index_sequence};
+        let Self { stride, count, .. } = self;
         if stride.checked_mul(*count) != Some(length) {
-            return Err(json.fault(format!(
+            let what = format!(
                 "{count} elements of {stride} bytes are not the {length} bytes of the view"
-            )));
+            );
+            return Err(self.fault("", what));
         }
         // The fewest bytes that the formats need: a byte for each triangle or index, 2 bits for 256
         // bytes of vertices.
         let most = match self.mode {
-            Mode::Triangles => 3 * source.len() as u64,
-            Mode::Indices => source.len() as u64,
-            Mode::Attributes => (1024 * source.len() as u64) / stride,
+            "TRIANGLES" => 3 * source.len() as u64,
+            "INDICES" => source.len() as u64,
+            _ => (1024 * source.len() as u64) / stride,
         };
         if *count > most {
-            return Err(json.fault_at(
-                "count",
-                format!("{} compressed bytes cannot hold {count} elements", source.len()),
-            ));
+            let what = format!("{} compressed bytes cannot hold {count} elements", source.len());
+            return Err(self.fault("/count", what));
         }
-        budget.spend(*count, *stride, json.path())?;
+        budget.spend(*count, *stride, &self.path)?;
         let n = *count as usize;
-        let broken = |_| json.fault("the compressed data is broken");
-        let mut bytes = match (self.mode, stride) {
-            (Mode::Attributes, _) => vertices(source, n, *stride as usize).map_err(broken)?,
-            (Mode::Triangles, 2) => {
-                to_bytes(&::meshopt::decode_index_buffer::<u16>(source, n).map_err(broken)?)
-            }
-            (Mode::Triangles, _) => {
-                to_bytes(&::meshopt::decode_index_buffer::<u32>(source, n).map_err(broken)?)
-            }
-            (Mode::Indices, 2) => {
-                to_bytes(&::meshopt::decode_index_sequence::<u16>(source, n).map_err(broken)?)
-            }
-            (Mode::Indices, _) => {
-                to_bytes(&::meshopt::decode_index_sequence::<u32>(source, n).map_err(broken)?)
-            }
+        let bytes = match (self.mode, stride) {
+            ("TRIANGLES", 2) => decode_index_buffer::<u16>(source, n).map(|v| to_bytes(&v)),
+            ("TRIANGLES", _) => decode_index_buffer::<u32>(source, n).map(|v| to_bytes(&v)),
+            ("INDICES", 2) => decode_index_sequence::<u16>(source, n).map(|v| to_bytes(&v)),
+            ("INDICES", _) => decode_index_sequence::<u32>(source, n).map(|v| to_bytes(&v)),
+            _ => vertices(source, n, *stride as usize),
         };
+        let mut bytes =
+            bytes.map_err(|_| self.fault("", "the compressed data is broken".into()))?;
         self.unfilter(&mut bytes);
         Ok(bytes)
     }
@@ -166,13 +124,13 @@ impl<'a> Compressed<'a> {
             decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat,
         };
         match (self.filter, self.stride) {
-            (Filter::None, _) => {}
-            (Filter::Octahedral, 4) => in_place::<[i8; 4]>(bytes, decode_filter_oct),
-            (Filter::Octahedral, _) => in_place::<[i16; 4]>(bytes, decode_filter_oct),
-            (Filter::Quaternion, _) => in_place::<[i16; 4]>(bytes, decode_filter_quat),
-            (Filter::Exponential, _) => in_place::<[u32; 1]>(bytes, decode_filter_exp),
-            (Filter::Color, 4) => in_place::<[u8; 4]>(bytes, decode_filter_color),
-            (Filter::Color, _) => in_place::<[u16; 4]>(bytes, decode_filter_color),
+            ("OCTAHEDRAL", 4) => in_place::<[i8; 4]>(bytes, decode_filter_oct),
+            ("OCTAHEDRAL", _) => in_place::<[i16; 4]>(bytes, decode_filter_oct),
+            ("QUATERNION", _) => in_place::<[i16; 4]>(bytes, decode_filter_quat),
+            ("EXPONENTIAL", _) => in_place::<[u32; 1]>(bytes, decode_filter_exp),
+            ("COLOR", 4) => in_place::<[u8; 4]>(bytes, decode_filter_color),
+            ("COLOR", _) => in_place::<[u16; 4]>(bytes, decode_filter_color),
+            _ => {}
         }
     }
 }
@@ -236,7 +194,7 @@ mod tests {
         let length =
             extension["byteStride"].as_u64().unwrap() * extension["count"].as_u64().unwrap();
         let view = json!({"extensions": {"KHR_meshopt_compression": extension}});
-        let compressed = Compressed::of(&Json::root(&view), 1)?.unwrap();
+        let compressed = Compressed::of(&view, "")?.unwrap();
         compressed.decode(source, length, &mut Budget::of_geometry())
     }
 
@@ -274,71 +232,49 @@ mod tests {
 
     #[test]
     fn every_filter_is_undone() {
-        let attributes = |filter: &str, stride: usize, source: &[u8]| {
-            decode(
-                json!({"mode": "ATTRIBUTES", "filter": filter, "byteStride": stride, "count": 3}),
-                source,
-            )
-            .unwrap()
+        let check = |filter: &str,
+                     encoded: Vec<u8>,
+                     stride: usize,
+                     one: f32,
+                     wanted: &[f32],
+                     e: f32| {
+            let json =
+                json!({"mode": "ATTRIBUTES", "filter": filter, "byteStride": stride, "count": 3});
+            let bytes = decode(json, &encoded).unwrap();
+            let signed = ["OCTAHEDRAL", "QUATERNION"].contains(&filter);
+            let got = bytes.chunks(3 * stride / wanted.len()).map(|c| match (c.len(), signed) {
+                (1, true) => f32::from(c[0] as i8) / one,
+                (1, false) => f32::from(c[0]) / one,
+                (2, true) => f32::from(i16::from_le_bytes([c[0], c[1]])) / one,
+                (2, false) => f32::from(u16::from_le_bytes([c[0], c[1]])) / one,
+                _ => f32::from_le_bytes([c[0], c[1], c[2], c[3]]),
+            });
+            for (got, wanted) in got.zip(wanted) {
+                let close = (got - wanted).abs() <= e * wanted.abs().max(one.min(1.0));
+                assert!(close, "{filter}: {got} and {wanted}");
+            }
         };
+        fn packed<T: Clone + Default>(vertices: &[T]) -> Vec<u8> {
+            codec::encode_vertex_buffer(vertices).unwrap()
+        }
         let axes = [[1.0f32, 0.0, 0.0, 0.0], [0.0, 0.6, -0.8, 0.0], [0.0, 0.0, 1.0, 0.0]];
-        let close = |got: &[f32], wanted: &[f32], tolerance: f32| {
-            assert!(
-                got.iter().zip(wanted).all(|(a, b)| (a - b).abs() < tolerance),
-                "{got:?} and {wanted:?}"
-            );
-        };
-        let source =
-            codec::encode_vertex_buffer(&codec::encode_filter_oct::<i8>(&axes, 8)).unwrap();
-        let bytes = attributes("OCTAHEDRAL", 4, &source);
-        let narrow: Vec<f32> = bytes.iter().map(|b| f32::from(*b as i8) / 127.0).collect();
-        close(&narrow, axes.as_flattened(), 0.02);
-        let source =
-            codec::encode_vertex_buffer(&codec::encode_filter_oct::<i16>(&axes, 16)).unwrap();
-        let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("OCTAHEDRAL", 8, &source));
-        close(
-            &words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(),
-            axes.as_flattened(),
-            1e-3,
-        );
-
+        let narrow = packed(&codec::encode_filter_oct::<i8>(&axes, 8));
+        check("OCTAHEDRAL", narrow, 4, 127.0, axes.as_flattened(), 0.02);
+        let wide = packed(&codec::encode_filter_oct::<i16>(&axes, 16));
+        check("OCTAHEDRAL", wide, 8, 32767.0, axes.as_flattened(), 1e-3);
         let turns = [[0.0f32, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5], [0.0, 0.6, 0.0, 0.8]];
-        let source = codec::encode_vertex_buffer(&codec::encode_filter_quat(&turns, 14)).unwrap();
-        let words: Vec<i16> = bytemuck::pod_collect_to_vec(&attributes("QUATERNION", 8, &source));
-        close(
-            &words.iter().map(|w| f32::from(*w) / 32767.0).collect::<Vec<_>>(),
-            turns.as_flattened(),
-            1e-3,
-        );
-
+        let source = packed(&codec::encode_filter_quat(&turns, 14));
+        check("QUATERNION", source, 8, 32767.0, turns.as_flattened(), 1e-3);
+        // 24 bits are a mantissa of 23 with its sign.
         let points = [[1.5f32, -200.0, 0.001], [0.0, 7.0, 1e6], [-1.0, 2.0, 3.0]];
         let mode = codec::EncodeExpMode::Separate;
-        let source =
-            codec::encode_vertex_buffer(&codec::encode_filter_exp::<3>(&points, 24, mode)).unwrap();
-        let values: Vec<f32> =
-            bytemuck::pod_collect_to_vec(&attributes("EXPONENTIAL", 12, &source));
-        // 24 bits are a mantissa of 23 with its sign.
-        for (got, wanted) in values.iter().zip(points.as_flattened()) {
-            assert!((got - wanted).abs() <= 1e-6 * wanted.abs(), "{got} and {wanted}");
-        }
-
+        let source = packed(&codec::encode_filter_exp::<3>(&points, 24, mode));
+        check("EXPONENTIAL", source, 12, 0.0, points.as_flattened(), 1e-6);
         let colors = [[1.0f32, 0.0, 0.0, 1.0], [0.2, 0.4, 0.6, 0.8], [1.0, 1.0, 1.0, 0.0]];
-        let source =
-            codec::encode_vertex_buffer(&codec::encode_filter_color::<u8>(&colors, 8)).unwrap();
-        let bytes = attributes("COLOR", 4, &source);
-        close(
-            &bytes.iter().map(|b| f32::from(*b) / 255.0).collect::<Vec<_>>(),
-            colors.as_flattened(),
-            0.02,
-        );
-        let source =
-            codec::encode_vertex_buffer(&codec::encode_filter_color::<u16>(&colors, 16)).unwrap();
-        let words: Vec<u16> = bytemuck::pod_collect_to_vec(&attributes("COLOR", 8, &source));
-        close(
-            &words.iter().map(|w| f32::from(*w) / 65535.0).collect::<Vec<_>>(),
-            colors.as_flattened(),
-            1e-3,
-        );
+        let narrow = packed(&codec::encode_filter_color::<u8>(&colors, 8));
+        check("COLOR", narrow, 4, 255.0, colors.as_flattened(), 0.02);
+        let wide = packed(&codec::encode_filter_color::<u16>(&colors, 16));
+        check("COLOR", wide, 8, 65535.0, colors.as_flattened(), 1e-3);
     }
 
     #[test]
@@ -353,12 +289,9 @@ mod tests {
         }
         assert!(read(&source, 12, 1_000_000_000).unwrap_err().what.contains("cannot hold"));
         assert!(read(&source, 10, 100).is_err() && read(&source, 260, 4).is_err());
-        for (mode, count) in [
-            ("TRIANGLES", 3_000_000_000u64),
-            ("INDICES", 1_000_000_000),
-            ("TRIANGLES", 4),
-            ("POINTS", 3),
-        ] {
+        for (mode, count) in
+            [("TRIANGLES", 3_000_000_000u64), ("INDICES", 1_000_000_000), ("TRIANGLES", 4)]
+        {
             assert!(
                 decode(json!({"mode": mode, "byteStride": 4, "count": count}), &source).is_err(),
                 "{mode} {count}"

@@ -65,35 +65,36 @@
 //! true, and is then the intensity in the brightest direction. A TILT section takes effect by
 //! the node's inclination, straight down being -Y.
 
-mod accessor_data;
-mod accessors;
-mod animations;
+mod accessor;
+mod accessor_check;
+mod animation;
 mod assembly;
-mod asset;
 mod budget;
 mod buffers;
-mod cameras;
+mod camera;
+mod check;
 mod container;
+mod document;
 mod environment;
 mod extensions;
+mod fault;
 mod ies;
-mod images;
-mod json;
-mod layout;
-mod lights;
-mod materials;
+mod image;
+mod light;
+mod material;
+mod mesh;
 mod meshopt;
 mod native;
-mod nodes;
+mod node;
 mod parse;
-mod primitives;
-mod shading;
-mod skins;
-mod textures;
+mod schema;
+mod skin;
+mod tangents;
+mod texture;
 mod topology;
 mod uri;
 
-pub use cameras::default_camera;
+pub use camera::default_camera;
 pub use environment::{environment, sky};
 pub use ies::ies;
 
@@ -101,16 +102,16 @@ use crate::accel::Backend;
 use crate::error::{Error, Result};
 use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::{Scene, SceneData};
-use accessors::Accessors;
+use accessor::Accessors;
 use assembly::{Assembly, Parts};
 use budget::Budget;
 use buffers::Buffers;
-use container::Container;
+use document::Document;
+use fault::Parsed;
 use ies::Profiles;
-use json::{Json, Parsed};
-use nodes::{Counts, Graph};
+use node::Graph;
 use std::path::Path;
-use textures::Textures;
+use texture::Textures;
 
 /// How the intensities of punctual lights are to be understood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -182,43 +183,29 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
         ));
     }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    read(bytes, path, options).map_err(|fault| fault.into_error(path))
+    read(&bytes, path, options).map_err(|fault| fault.into_error(path))
 }
 
-fn read(bytes: Vec<u8>, path: &Path, options: &ImportOptions) -> Parsed<SceneData> {
+fn read(bytes: &[u8], path: &Path, options: &ImportOptions) -> Parsed<SceneData> {
     let mut scene = SceneData::default();
     let warnings = &mut scene.warnings;
     let mut budget = Budget::of_geometry();
     budget.feed(bytes.len() as u64);
-    let container = Container::parse(bytes, path, warnings)?;
-    let document = parse::parse(container.json())?;
-    let root = Json::root(&document);
-    asset::check(&root, warnings)?;
-    extensions::check(&root)?;
-    nodes::default_scene(&root)?;
-
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let buffers = Buffers::parse(&root, &container, folder, &mut budget, warnings)?;
-    let accessors = Accessors::parse(&root, buffers, warnings)?;
-    accessor_data::check(&accessors, &mut budget.of_work(), warnings)?;
-    let mut textures = Textures::parse(&root, &accessors, folder, warnings)?;
-    scene.materials = materials::materials(&root, &mut textures, warnings)?;
-    let meshes = primitives::meshes(&root, &accessors, scene.materials.len(), warnings)?;
-    let cameras = cameras::cameras(&root, warnings)?;
-    let mut profiles = Profiles::parse(&root, &accessors, folder)?;
-    let lights = lights::lights(&root, options, &mut profiles, warnings)?;
-    let luminaires = profiles.nodes(&root, options)?;
-    let skins = skins::skins(&root, &accessors, root.array("nodes")?.len())?;
-    let counts = Counts {
-        accessors: accessors.list.len(),
-        meshes: meshes.len(),
-        skins: skins.len(),
-        cameras: cameras.len(),
-        lights: lights.len(),
-    };
-    let graph = Graph::parse(&root, &counts, warnings)?;
-    let motions = animations::motions(&root, &accessors, &graph, &mut budget, warnings)?;
-    let roots = nodes::scene_roots(&root, &graph, options.scene.as_ref(), warnings)?;
+    let document = Document::read(bytes, path, warnings)?;
+    let buffers = Buffers::parse(&document, &mut budget, warnings)?;
+    let accessors = Accessors::parse(&document, buffers)?;
+    accessor_check::check(&accessors, &mut budget.of_work(), warnings)?;
+    let mut textures = Textures::parse(&document, accessors.buffers(), warnings)?;
+    scene.materials = material::materials(&document, &mut textures, warnings)?;
+    let meshes = mesh::meshes(&document, &accessors, warnings)?;
+    let cameras = camera::cameras(&document, warnings)?;
+    let mut profiles = Profiles::parse(&document, accessors.buffers())?;
+    let lights = light::lights(&document, options, &mut profiles)?;
+    let luminaires = profiles.nodes(&document, options)?;
+    let skins = skin::skins(&document, &accessors)?;
+    let graph = Graph::parse(&document, warnings)?;
+    let motions = animation::motions(&document, &accessors, &graph, &mut budget, warnings)?;
+    let roots = node::scene_roots(&document, &graph, options.scene.as_ref(), warnings)?;
 
     scene.textures = textures.build();
     let parts = Parts {

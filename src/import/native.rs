@@ -1,126 +1,73 @@
 //! The BRDFs of the caching papers as the `extras` of a glTF material describe them; the format is
 //! documented at [`super`].
 
-use super::json::{Json, Parsed, quote};
+use super::document::float;
+use super::fault::{Fault, Parsed};
 use crate::material::{LafortuneLobe, NativeBrdf};
 use crate::math::Color;
+use serde_json::Value;
 
-/// Reads the object `extras.lumicache` of a material.
-pub(super) fn brdf(json: &Json) -> Parsed<NativeBrdf> {
-    json.object()?;
-    let kd = albedo(json, "kd")?;
-    let known: &[&str] = match json.need_string("brdf")? {
-        "phong" => &["kd", "ks", "exponent"],
-        "lafortune" => &["kd", "lobes"],
-        "ward" => &["kd", "ks", "alpha_x", "alpha_y"],
-        other => {
-            return Err(json.fault_at(
-                "brdf",
-                format!("{} is none of \"phong\", \"lafortune\" and \"ward\"", quote(other)),
-            ));
-        }
-    };
-    reject_unknown(json, known)?;
-    Ok(match json.need_string("brdf")? {
-        "phong" => {
-            let exponent = json.need_number("exponent")?;
-            if exponent < 0.0 {
-                return Err(json.fault_at("exponent", format!("{exponent} is less than 0")));
+/// Reads the object `extras.lumicache` of a material, which stands at `path` and has passed the
+/// check.
+pub(super) fn brdf(json: &Value, path: &str) -> Parsed<NativeBrdf> {
+    let kd = channels(&json["kd"]).unwrap_or(Color::ZERO);
+    let ks = channels(&json["ks"]).unwrap_or(Color::ZERO);
+    let fault = |key: &str, what: String| Err(Fault::new(format!("{path}/{key}"), what));
+    if (kd + ks).max_element() > 1.0 + 1e-5 {
+        let what = "kd + ks exceeds 1, so the material would reflect more light than it receives";
+        return fault("ks", what.into());
+    }
+    Ok(match json["brdf"].as_str() {
+        Some("phong") => NativeBrdf::Phong { kd, ks, exponent: float(&json["exponent"], 0.0) },
+        Some("ward") => {
+            let alpha_x = float(&json["alpha_x"], 1.0);
+            let alpha_y = float(&json["alpha_y"], alpha_x);
+            for (key, alpha) in [("alpha_x", alpha_x), ("alpha_y", alpha_y)] {
+                if alpha > 1.0 {
+                    return fault(key, format!("{alpha} is not above 0 and at most 1"));
+                }
             }
-            NativeBrdf::Phong { kd, ks: specular(json, kd)?, exponent: exponent as f32 }
-        }
-        "ward" => {
-            let alpha_x = roughness(json, "alpha_x")?;
-            let alpha_y = if json.has("alpha_y") { roughness(json, "alpha_y")? } else { alpha_x };
-            NativeBrdf::WardDuer { kd, ks: specular(json, kd)?, alpha_x, alpha_y }
+            NativeBrdf::WardDuer { kd, ks, alpha_x, alpha_y }
         }
         _ => {
-            let elements = json.array("lobes")?;
+            let elements = json["lobes"].as_array().map_or(&[][..], Vec::as_slice);
             let mut lobes = [LafortuneLobe::default(); 3];
-            if elements.is_empty() || elements.len() > lobes.len() {
-                return Err(json.fault_at(
-                    "lobes",
-                    format!("must have 1 to 3 elements, and has {}", elements.len()),
-                ));
+            if elements.len() > lobes.len() {
+                let what = format!("must have 1 to 3 elements, and has {}", elements.len());
+                return fault("lobes", what);
             }
-            for (lobe, element) in lobes.iter_mut().zip(&elements) {
-                *lobe = self::lobe(element)?;
+            for (lobe, json) in lobes.iter_mut().zip(elements) {
+                let of = |key: &str| channels(&json[key]);
+                let cx = of("cx").unwrap_or_default();
+                *lobe = LafortuneLobe {
+                    cx,
+                    cy: of("cy").unwrap_or(cx),
+                    cz: of("cz").unwrap_or_default(),
+                    exponent: of("exponent").unwrap_or_default(),
+                };
             }
             NativeBrdf::Lafortune { kd, lobes, count: elements.len() as u8 }
         }
     })
 }
 
-/// A misspelt property would silently give another material.
-fn reject_unknown(json: &Json, known: &[&str]) -> Parsed<()> {
-    match json.object()?.keys().find(|key| *key != "brdf" && !known.contains(&key.as_str())) {
-        Some(key) => Err(json.fault(format!(
-            "the property {} is unknown here; known are brdf, {}",
-            quote(key),
-            known.join(", ")
-        ))),
-        None => Ok(()),
-    }
-}
-
 /// A number for all channels, or three.
-fn channels(json: &Json, key: &str) -> Parsed<Option<Color>> {
-    match json.get(key)? {
-        None => Ok(None),
-        Some(value) if value.elements().is_ok() => {
-            Ok(json.numbers::<3>(key)?.map(|v| Color::new(v[0] as f32, v[1] as f32, v[2] as f32)))
-        }
-        Some(value) => Ok(Some(Color::splat(value.as_number()? as f32))),
+fn channels(json: &Value) -> Option<Color> {
+    match super::document::numbers::<3>(json) {
+        Some(rgb) => Some(Color::from_array(rgb.map(|x| x as f32))),
+        None => json.as_f64().map(|x| Color::splat(x as f32)),
     }
-}
-
-fn albedo(json: &Json, key: &str) -> Parsed<Color> {
-    let albedo = channels(json, key)?.unwrap_or(Color::ZERO);
-    if albedo.min_element() < 0.0 || albedo.max_element() > 1.0 {
-        return Err(json.fault_at(key, "an albedo is from 0 to 1"));
-    }
-    Ok(albedo)
-}
-
-fn specular(json: &Json, kd: Color) -> Parsed<Color> {
-    let ks = albedo(json, "ks")?;
-    if (kd + ks).max_element() > 1.0 + 1e-5 {
-        return Err(json.fault_at(
-            "ks",
-            "kd + ks exceeds 1, so the material would reflect more light than it receives",
-        ));
-    }
-    Ok(ks)
-}
-
-fn roughness(json: &Json, key: &str) -> Parsed<f32> {
-    let alpha = json.need_number(key)?;
-    if alpha <= 0.0 || alpha > 1.0 {
-        return Err(json.fault_at(key, format!("{alpha} is not above 0 and at most 1")));
-    }
-    Ok(alpha as f32)
-}
-
-fn lobe(json: &Json) -> Parsed<LafortuneLobe> {
-    reject_unknown(json, &["cx", "cy", "cz", "exponent"])?;
-    let need = |key: &str| channels(json, key)?.ok_or_else(|| json.missing(key));
-    let cx = need("cx")?;
-    let cy = channels(json, "cy")?.unwrap_or(cx);
-    let lobe = LafortuneLobe { cx, cy, cz: need("cz")?, exponent: need("exponent")? };
-    if lobe.exponent.min_element() < 0.0 {
-        return Err(json.fault_at("exponent", "an exponent is at least 0"));
-    }
-    Ok(lobe)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::json::Fault;
-    use super::super::parse::parse;
+    use super::super::{check, parse::parse, schema::Kind};
     use super::*;
 
     fn read(text: &str) -> Parsed<NativeBrdf> {
-        brdf(&Json::root(&parse(text.as_bytes())?))
+        let mut json = parse(text.as_bytes())?;
+        check::alone(&Kind::Brdf, &mut json)?;
+        brdf(&json, "")
     }
 
     #[test]

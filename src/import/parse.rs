@@ -1,6 +1,6 @@
 //! From text to a JSON tree, with the JSON path of the place where that fails.
 
-use super::json::{Fault, Parsed, quote};
+use super::fault::{Fault, Parsed, quote};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::fmt;
@@ -43,6 +43,14 @@ impl<'de> DeserializeSeed<'de> for Tree<'_> {
     }
 }
 
+macro_rules! scalars {
+    ($($visit:ident: $kind:ty),*) => {
+        $(fn $visit<E>(self, x: $kind) -> Result<Value, E> {
+            Ok(Value::from(x))
+        })*
+    };
+}
+
 impl<'de> Visitor<'de> for Tree<'_> {
     type Value = Value;
 
@@ -54,25 +62,7 @@ impl<'de> Visitor<'de> for Tree<'_> {
         Ok(Value::Null)
     }
 
-    fn visit_bool<E>(self, x: bool) -> Result<Value, E> {
-        Ok(Value::Bool(x))
-    }
-
-    fn visit_u64<E>(self, x: u64) -> Result<Value, E> {
-        Ok(Value::from(x))
-    }
-
-    fn visit_i64<E>(self, x: i64) -> Result<Value, E> {
-        Ok(Value::from(x))
-    }
-
-    fn visit_f64<E>(self, x: f64) -> Result<Value, E> {
-        Ok(Value::from(x))
-    }
-
-    fn visit_str<E>(self, x: &str) -> Result<Value, E> {
-        Ok(Value::from(x))
-    }
+    scalars!(visit_bool: bool, visit_u64: u64, visit_i64: i64, visit_f64: f64, visit_str: &str);
 
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut elements: A) -> Result<Value, A::Error> {
         let mut array = Vec::new();

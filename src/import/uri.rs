@@ -1,6 +1,8 @@
 //! References to data outside the document: data URIs and files beside it.
 
-use super::json::{Fault, Parsed, quote};
+use super::fault::{Fault, Parsed, quote};
+use data_url::DataUrl;
+use percent_encoding::percent_decode_str;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +25,7 @@ pub(super) enum Target {
 /// Resolves `uri`, which stands at the JSON path `at`, against the folder of the scene file.
 pub(super) fn resolve(uri: &str, at: &str, folder: &Path) -> Parsed<Target> {
     if uri.get(..5).is_some_and(|prefix| prefix.eq_ignore_ascii_case("data:")) {
-        return data(&uri[5..]).map_err(|what| {
+        return data(uri).map_err(|what| {
             Fault::new(at, format!("the data URI {} is broken: {what}", quote(uri)))
         });
     }
@@ -51,14 +53,12 @@ pub(super) fn resolve(uri: &str, at: &str, folder: &Path) -> Parsed<Target> {
 /// The file that a relative reference names: percent-decoded as the specification says, or as it
 /// stands where an exporter forgot to encode.
 fn file(uri: &str, at: &str, folder: &Path) -> Parsed<PathBuf> {
-    let decoded = percent_decode(uri.as_bytes()).and_then(|bytes| {
-        String::from_utf8(bytes).map_err(|_| "its percent-encoding is not UTF-8".to_owned())
-    });
-    let decoded = match decoded {
-        Ok(decoded) => decoded,
+    let decoded = match percent_decode_str(uri).decode_utf8() {
+        Ok(decoded) => decoded.into_owned(),
         Err(_) if folder.join(uri).is_file() => uri.to_owned(),
-        Err(what) => {
-            return Err(Fault::new(at, format!("the URI {} is invalid: {what}", quote(uri))));
+        Err(_) => {
+            let what = format!("the URI {} is invalid: its encoding is not UTF-8", quote(uri));
+            return Err(Fault::new(at, what));
         }
     };
     if decoded.contains('\0') || Path::new(&decoded).is_absolute() {
@@ -82,77 +82,26 @@ pub(super) fn read(path: &Path, at: &str, limit: u64) -> Parsed<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads what follows `data:`.
-fn data(rest: &str) -> std::result::Result<Target, String> {
-    let (head, body) = rest.split_once(',').ok_or("it has no comma")?;
-    let mut parts = head.split(';');
+/// Reads a data URI.
+fn data(uri: &str) -> std::result::Result<Target, String> {
+    let (head, body) = uri.split_once(',').ok_or("it has no comma")?;
+    let mut parts = head[5..].split(';');
     let media_type = parts.next().unwrap_or("").trim().to_ascii_lowercase();
     if !media_type.is_empty() && !media_type.contains('/') {
         return Err(format!("{} is no media type", quote(&media_type)));
     }
-    let mut base64 = false;
-    for part in parts {
-        match part.split_once('=') {
-            Some((name, _)) if !name.is_empty() => {}
-            None if part.eq_ignore_ascii_case("base64") => base64 = true,
-            _ => return Err(format!("{} is no parameter", quote(part))),
-        }
+    // The crate reads as leniently as browsers do.
+    let mut strange = parts.filter(|p| !p.eq_ignore_ascii_case("base64") && p.find('=') < Some(1));
+    if let Some(part) = strange.next() {
+        return Err(format!("{} is no parameter", quote(part)));
     }
-    let body = if body.contains('%') || !base64 {
-        percent_decode(body.as_bytes())?
-    } else {
-        body.as_bytes().to_vec()
-    };
-    Ok(Target::Data { media_type, bytes: if base64 { base64_decode(&body)? } else { body } })
-}
-
-/// Undoes percent-encoding.
-fn percent_decode(text: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let digit = |i: usize| text.get(i).and_then(|c| (*c as char).to_digit(16));
-    let mut out = Vec::with_capacity(text.len());
-    let mut i = 0;
-    while i < text.len() {
-        if text[i] == b'%' {
-            let (Some(high), Some(low)) = (digit(i + 1), digit(i + 2)) else {
-                return Err("a percent sign is not followed by two hexadecimal digits".into());
-            };
-            out.push((high * 16 + low) as u8);
-            i += 3;
-        } else {
-            out.push(text[i]);
-            i += 1;
-        }
-    }
-    Ok(out)
-}
-
-/// Decodes base64 (RFC 4648, standard or URL-safe alphabet); padding may be missing, but not be
-/// followed by data.
-fn base64_decode(text: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let trimmed = text.iter().rposition(|c| *c != b'=').map_or(0, |last| last + 1);
-    if text.len() - trimmed > 2 || trimmed % 4 == 1 {
-        return Err("its base64 has an impossible length".into());
-    }
-    let mut out = Vec::with_capacity(trimmed / 4 * 3 + 2);
-    let (mut bits, mut count) = (0u32, 0);
-    for (i, c) in text[..trimmed].iter().enumerate() {
-        let value = match c {
-            b'A'..=b'Z' => c - b'A',
-            b'a'..=b'z' => c - b'a' + 26,
-            b'0'..=b'9' => c - b'0' + 52,
-            b'+' | b'-' => 62,
-            b'/' | b'_' => 63,
-            _ => return Err(format!("character {} of its base64 is invalid", i + 1)),
-        };
-        bits = bits << 6 | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            out.push((bits >> count) as u8);
-            bits &= (1 << count) - 1;
-        }
-    }
-    Ok(out)
+    // Some exporters write base64 in the alphabet that is safe in URLs.
+    let base64 = head.to_ascii_lowercase().ends_with(";base64");
+    let standard = (base64 && body.contains(['-', '_']))
+        .then(|| format!("{head},{}", body.replace('-', "+").replace('_', "/")));
+    let url = DataUrl::process(standard.as_deref().unwrap_or(uri)).map_err(|e| e.to_string())?;
+    let (bytes, _) = url.decode_to_vec().map_err(|e| format!("its base64 is invalid: {e}"))?;
+    Ok(Target::Data { media_type, bytes })
 }
 
 #[cfg(test)]
@@ -171,15 +120,9 @@ mod tests {
         assert_eq!(bytes("data:application/octet-stream;base64,AA=="), Some(vec![0]));
         assert_eq!(bytes("data:application/octet-stream;base64,AAECAw"), Some(vec![0, 1, 2, 3]));
         assert_eq!(bytes("data:;charset=x;base64,AP%2F%2F"), Some(vec![0, 255, 255]));
+        assert_eq!(bytes("data:a/b;base64,-_-_"), Some(vec![0xfb, 0xff, 0xbf]));
         assert_eq!(bytes("DATA:application/gltf-buffer,a%20b"), Some(b"a b".to_vec()));
-        for broken in [
-            "data:",
-            "data:a/b;;base64,AA==",
-            "data:a/b;base64,`",
-            "data:a/b;base64,A",
-            "data:a/b;base64,A===",
-            "data:a/b,%4",
-        ] {
+        for broken in ["data:", "data:a/b;base64,`", "data:a/b;base64,A", "data:a/b;base64,A==="] {
             assert!(resolve(broken, "/x", Path::new(".")).is_err(), "{broken}");
         }
     }

@@ -7,6 +7,7 @@ use lumicache::error::Error;
 use lumicache::import::{ImportOptions, gltf};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// What the import says, checked for what every error owes its reader: the file's name, and a
 /// single line.
@@ -265,23 +266,23 @@ fn replace(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
+/// The places (JSON pointers) of all values in a document, those in an object before the object.
+fn paths(value: &Value, path: String, all: &mut Vec<String>) {
+    let children: Vec<(String, &Value)> = match value {
+        Value::Array(array) => array.iter().enumerate().map(|(i, v)| (i.to_string(), v)).collect(),
+        Value::Object(object) => object.iter().map(|(k, v)| (k.clone(), v)).collect(),
+        _ => Vec::new(),
+    };
+    for (key, child) in children {
+        let path = format!("{path}/{key}");
+        paths(child, path.clone(), all);
+        all.push(path);
+    }
+}
+
 /// Calls `visit` with the document in which one value after another is replaced by each of
 /// `values`, or removed.
 fn mutate(document: &Value, values: &[Value], visit: &mut dyn FnMut(Value)) {
-    fn paths(value: &Value, path: String, all: &mut Vec<String>) {
-        let children: Vec<(String, &Value)> = match value {
-            Value::Array(array) => {
-                array.iter().enumerate().map(|(i, v)| (i.to_string(), v)).collect()
-            }
-            Value::Object(object) => object.iter().map(|(k, v)| (k.clone(), v)).collect(),
-            _ => Vec::new(),
-        };
-        for (key, child) in children {
-            let path = format!("{path}/{key}");
-            paths(child, path.clone(), all);
-            all.push(path);
-        }
-    }
     let mut all = Vec::new();
     paths(document, String::new(), &mut all);
     for path in &all {
@@ -299,13 +300,9 @@ fn mutate(document: &Value, values: &[Value], visit: &mut dyn FnMut(Value)) {
     }
 }
 
-#[test]
-fn no_single_wrong_value_makes_the_import_panic() {
-    let sound = everything();
-    assert_eq!(sound.load().geometry.instances.len(), 5);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("mutant.glb");
-    let hostile = [
+/// Values that are wrong almost everywhere.
+fn hostile() -> Vec<Value> {
+    vec![
         json!(-1),
         json!(0),
         json!(3),
@@ -322,14 +319,31 @@ fn no_single_wrong_value_makes_the_import_panic() {
         json!([0]),
         json!({}),
         json!({"index": 0}),
-    ];
+    ]
+}
+
+#[test]
+fn no_single_wrong_value_makes_the_import_panic() {
+    let sound = everything();
+    assert_eq!(sound.load().geometry.instances.len(), 5);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mutant.glb");
     let (mut tried, mut refused) = (0, 0);
-    mutate(sound.document(), &hostile, &mut |changed| {
+    mutate(sound.document(), &hostile(), &mut |changed| {
         replace(&path, &sound.glb_of(&changed));
         tried += 1;
         refused += usize::from(import(&path).is_err());
     });
     assert!(tried > 4000 && refused > tried / 2, "{refused} of {tried} were refused");
+}
+
+/// A fixed sequence of numbers (a linear congruential generator).
+fn sequence() -> impl FnMut() -> usize {
+    let mut state = 1u32;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize
+    }
 }
 
 #[test]
@@ -341,12 +355,7 @@ fn no_truncation_and_no_flipped_bytes_make_the_import_panic() {
         replace(&path, &bytes[..n]);
         assert!(import(&path).is_err(), "{n} bytes");
     }
-    // A fixed sequence of positions and values (a linear congruential generator).
-    let mut state = 1u32;
-    let mut next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as usize
-    };
+    let mut next = sequence();
     for _ in 0..2000 {
         let mut mutant = bytes.clone();
         for _ in 0..1 + next() % 4 {
@@ -356,4 +365,44 @@ fn no_truncation_and_no_flipped_bytes_make_the_import_panic() {
         replace(&path, &mutant);
         let _ = import(&path);
     }
+}
+
+#[test]
+fn no_wrong_values_in_our_scenes_make_the_import_panic() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(&scenes).unwrap() {
+        let file = entry.unwrap().path();
+        if file.extension().is_some_and(|e| e != "gltf" && e != "toml" && e != "py") {
+            std::fs::copy(&file, folder.path().join(file.file_name().unwrap())).unwrap();
+        }
+    }
+    let path = folder.path().join("mutant.gltf");
+    let (hostile, mut next, start) = (hostile(), sequence(), Instant::now());
+    let (mut tried, mut refused) = (0, 0);
+    for round in 0..20 {
+        for file in gltf_files(&scenes) {
+            let sound: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+            let mut all = Vec::new();
+            paths(&sound, String::new(), &mut all);
+            let mut mutant = sound.clone();
+            for _ in 0..1 + next() % 3 {
+                // Another value of the document is a likelier mistake than one from nowhere.
+                let value = match next() % 3 {
+                    0 => hostile[next() % hostile.len()].clone(),
+                    _ => sound.pointer(&all[next() % all.len()]).unwrap().clone(),
+                };
+                if let Some(place) = mutant.pointer_mut(&all[next() % all.len()]) {
+                    *place = value;
+                }
+            }
+            replace(&path, mutant.to_string().as_bytes());
+            tried += 1;
+            refused += usize::from(import(&path).is_err());
+        }
+        if round > 0 && start.elapsed() > Duration::from_secs(20) {
+            break;
+        }
+    }
+    assert!(refused > tried / 4 && refused < tried, "{refused} of {tried} were refused");
 }

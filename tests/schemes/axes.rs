@@ -369,7 +369,7 @@ fn records_hold_what_lamps_and_sky_send() {
     let expected: f32 = points.points.iter().map(direct).sum();
     println!("{got} for {expected}");
     // Records with 64 rays see the sky through windows by a handful of them.
-    assert!((got / expected - 1.0).abs() < 0.04, "{got} for {expected}");
+    assert!((got / expected - 1.0).abs() < 0.05, "{got} for {expected}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Folders whose files are not in order yet.
-const UNORDERED: &[&str] = &["import"];
+const UNORDERED: &[&str] = &[];
 
 /// Code without its test modules, which may use the whole folder.
 fn without_tests(tokens: Vec<String>) -> Vec<String> {

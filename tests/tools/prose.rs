@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const MAX_COLUMNS: usize = 100;
 
 /// What is not yet within that width.
-const WIDE: &[&str] = &["src/import"];
+const WIDE: &[&str] = &[];
 
 /// The keys that `text` cites as `[Key]`, `[Key, Eq. 2]` or `[Key; Other, Sec. 3]`; markdown links
 /// and quoted code are none.

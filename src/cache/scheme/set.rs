@@ -130,7 +130,8 @@ pub(super) fn changed(
         } else if chosen.keys().any(|name| group(name) == optional) && !chosen.contains_key(needed)
         {
             let at = changes.iter().position(|(name, _)| group(name) == optional);
-            let what = format!("`{optional}` is none, and `{needed}` is needed to have it");
+            let wanted = at.map_or(optional, |at| changes[at].0.as_str());
+            let what = format!("`{wanted}`: `{optional}` is none without `{needed}`");
             return Err(Problem { at, what });
         }
     }

@@ -1,15 +1,13 @@
 //! Skins: vertices moved by joints in their rest pose.
 
-use super::accessors::{Accessors, Format};
+use super::accessor::{Accessors, Format};
 use super::budget::Budget;
-use super::json::{Fault, Json, Parsed};
-use super::layout::{Component, Shape};
-use super::nodes::Graph;
-use super::primitives::Influences;
+use super::document::Document;
+use super::fault::{Fault, Parsed};
+use super::mesh::Influences;
+use super::node::Graph;
 use crate::geometry::TriangleMesh;
 use glam::{DAffine3, DMat4, DVec3};
-
-const MATRICES: Format = Format { shapes: &[Shape::Mat4], components: &[(Component::F32, None)] };
 
 /// A skin of the document.
 pub(super) struct Skin {
@@ -20,34 +18,25 @@ pub(super) struct Skin {
 }
 
 /// Reads all skins.
-pub(super) fn skins(root: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Vec<Skin>> {
-    root.entities("skins")?.iter().map(|json| skin(json, accessors, nodes)).collect()
-}
-
-fn skin(json: &Json, accessors: &Accessors, nodes: usize) -> Parsed<Skin> {
-    json.index("skeleton", "nodes", nodes)?;
-    let joints = json
-        .array("joints")?
-        .iter()
-        .map(|j| j.as_index("nodes", nodes))
-        .collect::<Parsed<Vec<_>>>()?;
-    if joints.is_empty() {
-        return Err(json.fault("it has no joints"));
-    }
-    let inverse_bind = json.index("inverseBindMatrices", "accessors", accessors.list.len())?;
-    if let Some(index) = inverse_bind {
-        let matrices = accessors.expect(index, &MATRICES, &json.path_of("inverseBindMatrices"))?;
-        if matrices.count < joints.len() as u64 {
-            let what = format!(
-                "{} joints need as many matrices, and {} has {}",
-                joints.len(),
-                matrices.path,
-                matrices.count
-            );
-            return Err(json.fault_at("inverseBindMatrices", what));
+pub(super) fn skins(document: &Document, accessors: &Accessors) -> Parsed<Vec<Skin>> {
+    let skin = |(i, json): (usize, &gltf::json::Skin)| {
+        let at = format!("/skins/{i}/inverseBindMatrices");
+        let joints: Vec<usize> = json.joints.iter().map(|joint| joint.value()).collect();
+        let inverse_bind = json.inverse_bind_matrices.map(|matrices| matrices.value());
+        if let Some(index) = inverse_bind {
+            let matrices = accessors.expect(index, &Format::MATRICES, &at)?;
+            let (wanted, count) = (joints.len(), matrices.count);
+            if count < wanted as u64 {
+                let what = format!(
+                    "{wanted} joints need as many matrices, and {} has {count}",
+                    matrices.path
+                );
+                return Err(Fault::new(at, what));
+            }
         }
-    }
-    Ok(Skin { joints, inverse_bind })
+        Ok(Skin { joints, inverse_bind })
+    };
+    document.root().skins.iter().enumerate().map(skin).collect()
 }
 
 impl Skin {
@@ -59,7 +48,9 @@ impl Skin {
         budget: &mut Budget,
     ) -> Parsed<Vec<DAffine3>> {
         let bind = match self.inverse_bind {
-            Some(index) => Some(accessors.read::<16>(&accessors.list[index], None, 0.0, budget)?),
+            Some(index) => {
+                Some(accessors.read::<16, [f32; 16]>(&accessors.list[index], None, 0.0, budget)?)
+            }
             None => None,
         };
         let matrix = |(k, joint): (usize, &usize)| {

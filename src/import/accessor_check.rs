@@ -1,9 +1,9 @@
 //! What the specification demands of the numbers in accessors, whether or not something shows them.
 
-use super::accessors::{Accessor, Accessors};
+use super::accessor::{Accessor, Accessors};
 use super::budget::Budget;
-use super::json::{Fault, Parsed};
-use super::layout::Component;
+use super::fault::{Fault, Parsed};
+use gltf::accessor::DataType;
 
 /// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element
 /// lies outside the declared bounds.
@@ -43,7 +43,7 @@ fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
     if !has_bytes {
         return Ok(false);
     }
-    let components = layout.shape.components();
+    let components = layout.shape.multiplicity();
     let mut extents = vec![Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }; components];
     let mut visit = |i: usize, k: usize, x: f64| {
         if !x.is_finite() {
@@ -56,35 +56,26 @@ fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
         *extent = Extent { low: extent.low.min(x), high: extent.high.max(x) };
         Ok(())
     };
-    let overrides = accessors.overrides(accessor)?;
-    match accessors.base(accessor)? {
-        Some(base) => {
-            let mut replaced = overrides.iter().flat_map(|(places, _)| places).peekable();
-            for i in 0..accessor.count as usize {
-                if replaced.next_if(|p| **p as usize == i).is_some() {
-                    continue;
-                }
-                for k in 0..components {
-                    visit(i, k, base.get(i, k))?;
-                }
-            }
+    let elements = accessors.elements(accessor)?;
+    let mut visit_all = |places: &mut dyn Iterator<Item = usize>| {
+        for (place, k) in places.flat_map(|place| (0..components).map(move |k| (place, k))) {
+            visit(place, k, elements.get(place).map_or(0.0, |(source, i)| source.get(i, k)))?;
         }
-        None if overrides
-            .as_ref()
-            .is_none_or(|(places, _)| (places.len() as u64) < accessor.count) =>
-        {
-            (0..components).try_for_each(|k| visit(0, k, 0.0))?;
-        }
-        None => {}
-    }
-    if let Some((places, values)) = &overrides {
-        for (j, place) in places.iter().enumerate() {
-            for k in 0..components {
-                visit(*place as usize, k, values.get(j, k))?;
+        Ok(())
+    };
+    match &elements.base {
+        Some(_) => visit_all(&mut (0..accessor.count as usize))?,
+        None => {
+            visit_all(&mut elements.places.iter().copied())?;
+            // All others are zero.
+            let other = (0..).zip(&elements.places).find(|(i, place)| i != *place);
+            let other = other.map_or(elements.places.len(), |(i, _)| i);
+            if (other as u64) < accessor.count {
+                visit_all(&mut std::iter::once(other))?;
             }
         }
     }
-    compare(accessor, layout.component == Component::F32, &extents)
+    compare(accessor, layout.component == DataType::F32, &extents)
 }
 
 /// Compares the declared bounds with the data's; true where they are wider.

@@ -1,7 +1,11 @@
 //! The node graph: transforms, and what stands where.
 
-use super::json::{Fault, Json, Parsed};
+use super::SceneChoice;
+use super::document::{Document, index, numbers};
+use super::fault::{Fault, Parsed, name, quote};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
+use gltf::json::scene as json;
+use serde_json::Value;
 
 /// EXT_mesh_gpu_instancing: accessors of the instances' transforms.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,15 +35,6 @@ pub(super) struct Node {
     parent: Option<usize>,
 }
 
-/// Numbers of the things that nodes refer to.
-pub(super) struct Counts {
-    pub accessors: usize,
-    pub meshes: usize,
-    pub skins: usize,
-    pub cameras: usize,
-    pub lights: usize,
-}
-
 /// All nodes with their world transforms.
 pub(super) struct Graph {
     /// The nodes.
@@ -48,13 +43,12 @@ pub(super) struct Graph {
 
 impl Graph {
     /// Reads the nodes and checks that they form trees.
-    pub fn parse(root: &Json, counts: &Counts, warnings: &mut Vec<String>) -> Parsed<Self> {
-        let entities = root.entities("nodes")?;
-        let mut locals = Vec::with_capacity(entities.len());
-        let mut nodes = Vec::with_capacity(entities.len());
-        for json in &entities {
-            locals.push(local_transform(json, warnings)?);
-            nodes.push(node(json, entities.len(), counts)?);
+    pub fn parse(document: &Document, warnings: &mut Vec<String>) -> Parsed<Self> {
+        let (mut locals, mut nodes) = (Vec::new(), Vec::new());
+        for (i, node) in document.root().nodes.iter().enumerate() {
+            let (path, json) = (format!("/nodes/{i}"), &document.json["nodes"][i]);
+            locals.push(local_transform(json, &path, warnings)?);
+            nodes.push(self::node(node, json, path)?);
         }
         for i in 0..nodes.len() {
             for (k, child) in nodes[i].children.clone().into_iter().enumerate() {
@@ -131,86 +125,63 @@ impl Graph {
     }
 }
 
-fn node(json: &Json, nodes: usize, counts: &Counts) -> Parsed<Node> {
-    let children = json
-        .array("children")?
-        .iter()
-        .map(|c| c.as_index("nodes", nodes))
-        .collect::<Parsed<Vec<_>>>()?;
-    let light = match json.extension("KHR_lights_punctual")? {
-        Some(reference) => Some(reference.need_index(
-            "light",
-            "extensions/KHR_lights_punctual/lights",
-            counts.lights,
-        )?),
-        None => None,
-    };
-    let instancing = match json.extension("EXT_mesh_gpu_instancing")? {
-        Some(extension) => {
-            let attributes = extension.need_object("attributes")?;
-            let accessor = |key: &str| attributes.index(key, "accessors", counts.accessors);
-            let (translation, rotation, scale) =
-                (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
-            Some(Instancing { translation, rotation, scale })
+fn node(node: &json::Node, json: &Value, path: String) -> Parsed<Node> {
+    let extensions = &json["extensions"];
+    let instancing = extensions.get("EXT_mesh_gpu_instancing").map(|extension| {
+        let accessor = |key: &str| index(&extension["attributes"][key]);
+        Instancing {
+            translation: accessor("TRANSLATION"),
+            rotation: accessor("ROTATION"),
+            scale: accessor("SCALE"),
         }
-        None => None,
-    };
-    let weights = match json.has("weights") {
-        true => Some(
-            json.array("weights")?
-                .iter()
-                .map(|w| Ok(w.as_number()? as f32))
-                .collect::<Parsed<Vec<_>>>()?,
-        ),
-        false => None,
-    };
-    let (mesh, skin) =
-        (json.index("mesh", "meshes", counts.meshes)?, json.index("skin", "skins", counts.skins)?);
-    if mesh.is_none() && (skin.is_some() || weights.is_some()) {
-        return Err(json.fault("it has a skin or weights, and no mesh"));
+    });
+    let mesh = node.mesh.map(|mesh| mesh.value());
+    if mesh.is_none() && (node.skin.is_some() || node.weights.is_some()) {
+        return Err(Fault::new(path, "it has a skin or weights, and no mesh"));
     }
     Ok(Node {
-        path: json.path().to_owned(),
-        name: json.object_name().unwrap_or("").to_owned(),
+        path,
+        name: name(json).unwrap_or("").to_owned(),
         to_world: DAffine3::IDENTITY,
         mesh,
-        skin,
-        camera: json.index("camera", "cameras", counts.cameras)?,
-        light,
-        weights,
+        skin: node.skin.map(|skin| skin.value()),
+        camera: node.camera.map(|camera| camera.value()),
+        light: index(&extensions["KHR_lights_punctual"]["light"]),
+        weights: node.weights.clone(),
         instancing,
-        children,
+        children: node.children.iter().flatten().map(|child| child.value()).collect(),
         parent: None,
     })
 }
 
-pub(super) fn local_transform(json: &Json, warnings: &mut Vec<String>) -> Parsed<DAffine3> {
-    let (translation, scale) = (json.numbers::<3>("translation")?, json.numbers::<3>("scale")?);
-    let rotation = json.numbers::<4>("rotation")?;
-    if let Some(matrix) = json.numbers::<16>("matrix")? {
+/// The transform of the node `json`, in the double precision that the crate does not keep.
+pub(super) fn local_transform(
+    json: &Value,
+    path: &str,
+    warnings: &mut Vec<String>,
+) -> Parsed<DAffine3> {
+    let (translation, scale) = (numbers::<3>(&json["translation"]), numbers::<3>(&json["scale"]));
+    let rotation = numbers::<4>(&json["rotation"]);
+    if let Some(matrix) = numbers::<16>(&json["matrix"]) {
+        let fault = |what: &str| Err(Fault::new(format!("{path}/matrix"), what));
         if translation.is_some() || rotation.is_some() || scale.is_some() {
-            return Err(json.fault_at(
-                "matrix",
+            return fault(
                 "a node has either a matrix or translation, rotation and scale, not both",
-            ));
+            );
         }
         let matrix = DMat4::from_cols_array(&matrix);
-        let last = matrix.row(3);
-        if (last - glam::DVec4::W).abs().max_element() > 1e-5 {
-            return Err(json.fault_at("matrix", "its last row is not 0 0 0 1"));
+        if (matrix.row(3) - glam::DVec4::W).abs().max_element() > 1e-5 {
+            return fault("its last row is not 0 0 0 1");
         }
         return Ok(DAffine3::from_mat4(matrix));
     }
     let rotation = match rotation {
-        Some(xyzw) => unit_quaternion(xyzw, &json.path_of("rotation"), warnings)?,
+        Some(xyzw) => unit_quaternion(xyzw, &format!("{path}/rotation"), warnings)?,
         None => DQuat::IDENTITY,
     };
     let translation = translation.map_or(DVec3::ZERO, DVec3::from_array);
-    Ok(DAffine3::from_scale_rotation_translation(
-        scale.map_or(DVec3::ONE, DVec3::from_array),
-        rotation,
-        translation,
-    ))
+    let scale = scale.map_or(DVec3::ONE, DVec3::from_array);
+    Ok(DAffine3::from_scale_rotation_translation(scale, rotation, translation))
 }
 
 /// The rotation of a quaternion, which is made unit where it is nearly so.
@@ -226,67 +197,50 @@ fn unit_quaternion(xyzw: [f64; 4], path: &str, warnings: &mut Vec<String>) -> Pa
     Ok(quaternion.normalize())
 }
 
-/// The scene that the document itself chooses.
-pub(super) fn default_scene(root: &Json) -> Parsed<Option<usize>> {
-    root.index("scene", "scenes", root.array("scenes")?.len())
-}
-
 /// The nodes that the chosen scene shows.
 pub(super) fn scene_roots(
-    root: &Json,
+    document: &Document,
     graph: &Graph,
-    choice: Option<&super::SceneChoice>,
+    choice: Option<&SceneChoice>,
     warnings: &mut Vec<String>,
 ) -> Parsed<Vec<usize>> {
-    let scenes = root.entities("scenes")?;
-    let default = default_scene(root)?;
-    let mut lists = Vec::new();
+    let scenes = &document.root().scenes;
     let mut scene_of = vec![usize::MAX; graph.nodes.len()];
     for (number, scene) in scenes.iter().enumerate() {
-        let mut list = Vec::new();
-        for node in scene.array("nodes")? {
-            let i = node.as_index("nodes", graph.nodes.len())?;
+        for (k, node) in scene.nodes.iter().enumerate() {
+            let (i, at) = (node.value(), format!("/scenes/{number}/nodes/{k}"));
             if !graph.is_root(i) {
-                return Err(
-                    node.fault(format!("/nodes/{i} is the child of another node, so it cannot stand in a scene by itself"))
+                let what = format!(
+                    "/nodes/{i} is the child of another node, so it cannot stand in a scene by itself"
                 );
+                return Err(Fault::new(at, what));
             }
             if std::mem::replace(&mut scene_of[i], number) == number {
-                return Err(node.fault(format!("/nodes/{i} is listed twice")));
+                return Err(Fault::new(at, format!("/nodes/{i} is listed twice")));
             }
-            list.push(i);
         }
-        lists.push(list);
     }
-    let names = || {
-        scenes
-            .iter()
-            .filter_map(Json::object_name)
-            .map(super::json::quote)
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
+    let named = |scene: &'_ json::Scene| scene.name.clone().filter(|name| !name.is_empty());
     let chosen = match choice {
-        None => default.or_else(|| (!scenes.is_empty()).then_some(0)),
-        Some(super::SceneChoice::Index(i)) if *i < scenes.len() => Some(*i),
-        Some(super::SceneChoice::Index(i)) => {
-            return Err(Fault::new(
-                "/scenes",
-                format!("there is no scene {i}: the file has {}", scenes.len()),
-            ));
+        None => {
+            document.root().scene.map(|scene| scene.value()).or((!scenes.is_empty()).then_some(0))
         }
-        Some(super::SceneChoice::Name(name)) => {
-            let found = scenes.iter().position(|s| s.object_name() == Some(name));
+        Some(SceneChoice::Index(i)) if *i < scenes.len() => Some(*i),
+        Some(SceneChoice::Index(i)) => {
+            let what = format!("there is no scene {i}: the file has {}", scenes.len());
+            return Err(Fault::new("/scenes", what));
+        }
+        Some(SceneChoice::Name(name)) => {
+            let found = scenes.iter().position(|scene| named(scene).as_ref() == Some(name));
+            let names = || scenes.iter().filter_map(named).map(|name| quote(&name));
             Some(found.ok_or_else(|| {
-                Fault::new(
-                    "/scenes",
-                    format!("no scene is called {name:?}; there are: {}", names()),
-                )
+                let names = names().collect::<Vec<_>>().join(", ");
+                Fault::new("/scenes", format!("no scene is called {name:?}; there are: {names}"))
             })?)
         }
     };
     match chosen {
-        Some(i) => Ok(lists.swap_remove(i)),
+        Some(i) => Ok(scenes[i].nodes.iter().map(|node| node.value()).collect()),
         None => {
             if !graph.nodes.is_empty() {
                 warnings.push("the file has no scene; all its nodes are shown".to_owned());

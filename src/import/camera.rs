@@ -1,11 +1,14 @@
 //! Cameras of the document, and the one for a document without.
 
-use super::json::{Json, Parsed, quote};
+use super::document::Document;
+use super::fault::{Fault, Parsed};
 use crate::camera::{Camera, Projection, without_scale};
 use crate::geometry::Aabb;
 use crate::math::{Affine3A, Mat3, Vec3};
 use glam::DAffine3;
-use std::f64::consts::PI;
+use gltf::json::camera as json;
+use gltf::json::validation::Checked;
+use std::f32::consts::PI;
 
 /// A camera as the document describes it, still without a place.
 #[derive(Clone, Debug)]
@@ -16,87 +19,64 @@ pub(super) struct CameraKind {
 }
 
 /// All cameras of the document; `None` for one that cannot be used.
-pub(super) fn cameras(root: &Json, warnings: &mut Vec<String>) -> Parsed<Vec<Option<CameraKind>>> {
-    root.entities("cameras")?.iter().map(|json| camera(json, warnings)).collect()
+pub(super) fn cameras(
+    document: &Document,
+    warnings: &mut Vec<String>,
+) -> Parsed<Vec<Option<CameraKind>>> {
+    let cameras = document.root().cameras.iter().enumerate();
+    cameras.map(|(i, json)| camera(json, &format!("/cameras/{i}"), warnings)).collect()
 }
 
-fn camera(json: &Json, warnings: &mut Vec<String>) -> Parsed<Option<CameraKind>> {
-    let kind = json.need_string("type")?;
-    if json.has("perspective") && json.has("orthographic") {
-        return Err(
-            json.fault("must have either a perspective or an orthographic property, and not both")
-        );
+fn camera(
+    json: &json::Camera,
+    path: &str,
+    warnings: &mut Vec<String>,
+) -> Parsed<Option<CameraKind>> {
+    if json.perspective.is_some() && json.orthographic.is_some() {
+        let what = "must have either a perspective or an orthographic property, and not both";
+        return Err(Fault::new(path, what));
     }
-    let (projection, aspect) = match kind {
-        "perspective" => perspective(&json.need_object("perspective")?, warnings)?,
-        "orthographic" => orthographic(&json.need_object("orthographic")?, warnings)?,
-        other => {
-            warnings.push(format!(
-                "{} of the unknown type {} is left out",
-                json.label(),
-                quote(other)
-            ));
-            return Ok(None);
-        }
-    };
-    Ok(projection.map(|projection| CameraKind {
-        name: json.object_name().map(str::to_owned),
-        projection,
-        aspect,
-    }))
-}
-
-fn check_depths(json: &Json, near: f64, far: Option<f64>) -> Parsed<()> {
-    match far {
+    let missing = |key: &str| Fault::new(path, format!("the property \"{key}\" is missing"));
+    let depths = |key: &str, near: f32, far: Option<f32>| match far {
         Some(far) if far <= near => {
-            Err(json.fault_at("zfar", format!("{far} does not exceed znear {near}")))
+            let what = format!("{far} does not exceed znear {near}");
+            Err(Fault::new(format!("{path}/{key}/zfar"), what))
         }
         _ => Ok(()),
-    }
-}
-
-fn perspective(
-    json: &Json,
-    warnings: &mut Vec<String>,
-) -> Parsed<(Option<Projection>, Option<f32>)> {
-    let positive = |key: &str| match json.number(key)? {
-        Some(x) if x <= 0.0 => Err(json.fault_at(key, format!("{x} is not greater than 0"))),
-        x => Ok(x),
     };
-    let yfov = positive("yfov")?.ok_or_else(|| json.missing("yfov"))?;
-    let near = positive("znear")?.ok_or_else(|| json.missing("znear"))?;
-    check_depths(json, near, positive("zfar")?)?;
-    let aspect = positive("aspectRatio")?.map(|a| a as f32);
-    if yfov >= PI {
-        warnings.push(format!(
-            "{}: the field of view of {yfov} rad is no angle below 180 degrees; the camera is left out",
-            json.path()
-        ));
-        return Ok((None, aspect));
-    }
-    Ok((Some(Projection::Perspective { yfov: yfov as f32 }), aspect))
-}
-
-fn orthographic(
-    json: &Json,
-    warnings: &mut Vec<String>,
-) -> Parsed<(Option<Projection>, Option<f32>)> {
-    let magnification = |key: &str| match json.need_number(key)? {
-        0.0 => Err(json.fault_at(key, "must not be 0")),
-        x => Ok(x),
+    let (projection, aspect) = match json.type_ {
+        Checked::Valid(json::Type::Perspective) => {
+            let lens = json.perspective.as_ref().ok_or_else(|| missing("perspective"))?;
+            depths("perspective", lens.znear, lens.zfar)?;
+            if lens.yfov >= PI {
+                warnings.push(format!(
+                    "{path}/perspective: the field of view of {} rad is no angle below 180 degrees; the camera is left out",
+                    lens.yfov
+                ));
+                return Ok(None);
+            }
+            (Projection::Perspective { yfov: lens.yfov }, lens.aspect_ratio)
+        }
+        Checked::Valid(json::Type::Orthographic) => {
+            let lens = json.orthographic.as_ref().ok_or_else(|| missing("orthographic"))?;
+            depths("orthographic", lens.znear, Some(lens.zfar))?;
+            for (key, magnification) in [("xmag", lens.xmag), ("ymag", lens.ymag)] {
+                if magnification == 0.0 {
+                    return Err(Fault::new(format!("{path}/orthographic/{key}"), "must not be 0"));
+                }
+            }
+            if lens.xmag < 0.0 || lens.ymag < 0.0 {
+                warnings.push(format!(
+                    "{path}/orthographic: a negative magnification is taken as a positive one"
+                ));
+            }
+            let (xmag, ymag) = (lens.xmag.abs(), lens.ymag.abs());
+            (Projection::Orthographic { xmag, ymag }, Some(xmag / ymag))
+        }
+        Checked::Invalid => return Ok(None),
     };
-    let (x, y) = (magnification("xmag")?, magnification("ymag")?);
-    let near = json.need_number("znear")?;
-    if near < 0.0 {
-        return Err(json.fault_at("znear", format!("{near} is less than 0")));
-    }
-    check_depths(json, near, Some(json.need_number("zfar")?))?;
-    if x < 0.0 || y < 0.0 {
-        warnings
-            .push(format!("{}: a negative magnification is taken as a positive one", json.path()));
-    }
-    let (xmag, ymag) = (x.abs() as f32, y.abs() as f32);
-    Ok((Some(Projection::Orthographic { xmag, ymag }), Some(xmag / ymag)))
+    let name = json.name.clone().filter(|name| !name.is_empty());
+    Ok(Some(CameraKind { name, projection, aspect }))
 }
 
 impl CameraKind {

@@ -1,0 +1,136 @@
+//! Animations, as far as they move cameras.
+//!
+//! All animations of a file play together from second 0 on. Only the nodes that carry cameras are
+//! looked at closely; the references of all others are checked.
+
+use super::accessor::{Accessors, Format};
+use super::budget::Budget;
+use super::document::{Document, numbers};
+use super::fault::{Fault, Parsed};
+use super::node::{Graph, local_transform};
+use crate::camera::{Interpolation, Joint, Motion, Track};
+use gltf::animation::{Interpolation as Kind, Property};
+use gltf::json::animation as json;
+use gltf::json::validation::Checked;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// The motions of the document's cameras, by the nodes that carry them; nodes that stand still are
+/// left out.
+pub(super) fn motions(
+    document: &Document,
+    accessors: &Accessors,
+    graph: &Graph,
+    budget: &mut Budget,
+    warnings: &mut Vec<String>,
+) -> Parsed<BTreeMap<usize, Motion>> {
+    let carriers = graph.nodes.iter().enumerate().filter(|(_, node)| node.camera.is_some());
+    let lines: Vec<Vec<usize>> = carriers.map(|(i, _)| graph.line(i)).collect();
+    let mut joints: BTreeMap<usize, Joint> = BTreeMap::new();
+    for &i in lines.iter().flatten() {
+        joints.insert(i, at_rest(&document.json["nodes"][i])?);
+    }
+    for (i, animation) in document.root().animations.iter().enumerate() {
+        for (k, channel) in animation.channels.iter().enumerate() {
+            // The node of an unknown property need not be there.
+            let Checked::Valid(property) = channel.target.path else { continue };
+            let Some(joint) = joints.get_mut(&channel.target.node.value()) else { continue };
+            let sampler = channel.sampler.value();
+            let sampler = Sampler {
+                json: &animation.samplers[sampler],
+                path: format!("/animations/{i}/samplers/{sampler}"),
+                accessors,
+            };
+            let first = match property {
+                Property::Translation => {
+                    give(&mut joint.translation, sampler.track(&Format::VECTORS, budget)?)
+                }
+                Property::Rotation => {
+                    give(&mut joint.rotation, sampler.track(&Format::ANIMATED_ROTATIONS, budget)?)
+                }
+                Property::Scale => give(&mut joint.scale, sampler.track(&Format::VECTORS, budget)?),
+                Property::MorphTargetWeights => true,
+            };
+            if !first {
+                warnings.push(format!(
+                    "/animations/{i}/channels/{k}: another animation has this property of the node already, and counts alone"
+                ));
+            }
+        }
+    }
+    let moves = |i: &usize| {
+        joints[i].translation.is_some() || joints[i].rotation.is_some() || joints[i].scale.is_some()
+    };
+    let motion =
+        |line: &[usize]| Motion { joints: line.iter().map(|i| joints[i].clone()).collect() };
+    Ok(lines
+        .iter()
+        .filter(|line| line.iter().any(moves))
+        .map(|line| (line[line.len() - 1], motion(line)))
+        .collect())
+}
+
+/// Puts `track` in its place unless there is one already.
+fn give<const N: usize>(place: &mut Option<Track<N>>, track: Track<N>) -> bool {
+    let free = place.is_none();
+    place.get_or_insert(track);
+    free
+}
+
+/// A node that no track moves.
+fn at_rest(node: &Value) -> Parsed<Joint> {
+    // Complaints about the transform were made when the nodes were read. Where a matrix stands for
+    // the three parts, they are taken from it.
+    let (scale, rotation, translation) =
+        local_transform(node, "", &mut Vec::new())?.to_scale_rotation_translation();
+    let scale = numbers::<3>(&node["scale"]).map_or(scale, glam::DVec3::from_array);
+    let rotation = match numbers::<4>(&node["rotation"]) {
+        Some(xyzw) => glam::DQuat::from_array(xyzw).normalize(),
+        None if node.get("scale").is_some() => glam::DQuat::IDENTITY,
+        None => rotation,
+    };
+    Ok(Joint {
+        rest: (translation, rotation, scale),
+        translation: None,
+        rotation: None,
+        scale: None,
+    })
+}
+
+/// A sampler of an animation.
+struct Sampler<'s, 'a> {
+    json: &'s json::Sampler,
+    path: String,
+    accessors: &'s Accessors<'a>,
+}
+
+impl Sampler<'_, '_> {
+    fn track<const N: usize>(&self, format: &Format, budget: &mut Budget) -> Parsed<Track<N>> {
+        let Self { json, path, accessors } = self;
+        let (input, output) = (format!("{path}/input"), format!("{path}/output"));
+        let times = accessors.expect(json.input.value(), &Format::SCALARS, &input)?;
+        let times = accessors.read::<1, [f32; 1]>(times, None, 0.0, budget)?.concat();
+        let values = accessors.expect(json.output.value(), format, &output)?;
+        let values = accessors.read::<N, [f32; N]>(values, None, 0.0, budget)?;
+        if times[0] < 0.0 || times.windows(2).any(|t| t[1] <= t[0]) {
+            let what = "its times must start at 0 or later, and each must exceed the one before";
+            return Err(Fault::new(input, what));
+        }
+        let interpolation = match json.interpolation {
+            Checked::Valid(Kind::Step) => Interpolation::Step,
+            Checked::Valid(Kind::CubicSpline) => Interpolation::Cubic,
+            _ => Interpolation::Linear,
+        };
+        let wanted =
+            if interpolation == Interpolation::Cubic { 3 * times.len() } else { times.len() };
+        if values.len() != wanted {
+            let what = format!(
+                "{} keyframes of this interpolation need {wanted} values, not {}",
+                times.len(),
+                values.len()
+            );
+            return Err(Fault::new(output, what));
+        }
+        Ok(Track { times, values, interpolation })
+    }
+}

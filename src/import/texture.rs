@@ -1,0 +1,196 @@
+//! Samplers and textures.
+
+use super::budget::Budget;
+use super::buffers::Buffers;
+use super::document::{Document, index};
+use super::fault::{Fault, Parsed};
+use super::image::{self, Decoded};
+use crate::imagefile::{TextureImage, TexturePixels};
+use crate::math::Vec2;
+use crate::texture::{ColorSpace, Texture, TextureRef, Wrap};
+use gltf::json::texture::Info;
+use gltf::texture::{MagFilter, Sampler, WrappingMode};
+use serde::Deserialize;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// What makes the pixels of one of the scene's textures.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Use {
+    /// The image as it is.
+    Plain,
+    /// 1 - factor * alpha in the green channel: glossiness to roughness; the factor by its bits.
+    Roughness(u32),
+}
+
+/// The textures of a document, and which of them materials use.
+pub(super) struct Textures<'a> {
+    images: Vec<Decoded>,
+    /// Sampler and image of each texture; a reference to nowhere is an error only where a material
+    /// uses the texture.
+    textures: Vec<(Sampler<'a>, Parsed<Option<usize>>)>,
+    /// The textures in use, in the order of their first use, which is that of the scene's
+    /// textures.
+    slots: Vec<(usize, Use)>,
+    slot_of: HashMap<(usize, Use), u32>,
+    pixels: Budget,
+}
+
+impl<'a> Textures<'a> {
+    /// Reads and decodes all images, and the textures that refer to them.
+    pub fn parse(
+        document: &'a Document,
+        buffers: &Buffers,
+        warnings: &mut Vec<String>,
+    ) -> Parsed<Self> {
+        let mut pixels = Budget::of_pixels();
+        let images = image::images(document, buffers, &mut pixels, warnings)?;
+        let mut textures = Vec::new();
+        for texture in document.gltf.textures() {
+            let i = texture.index();
+            let image = image_of(&document.json["textures"][i], i, images.len());
+            if let Err(fault) = &image {
+                warnings.push(format!("{}: {}", fault.path, fault.what));
+            }
+            textures.push((texture.sampler(), image));
+        }
+        Ok(Self { images, textures, slots: Vec::new(), slot_of: HashMap::new(), pixels })
+    }
+
+    /// The place of a texture in the scene, which is given to it on its first use.
+    fn slot(&mut self, texture: usize, image: &TextureImage, usage: Use, at: &str) -> Parsed<u32> {
+        if let Some(slot) = self.slot_of.get(&(texture, usage)) {
+            return Ok(*slot);
+        }
+        if usage != Use::Plain {
+            self.pixels.spend(u64::from(image.width) * u64::from(image.height), 4, at)?;
+        }
+        let slot = self.slots.len() as u32;
+        self.slots.push((texture, usage));
+        self.slot_of.insert((texture, usage), slot);
+        Ok(slot)
+    }
+
+    /// The texture that `info`, which stands at the JSON path `at`, refers to.
+    pub fn reference(
+        &mut self,
+        info: &Value,
+        at: &str,
+        color_space: ColorSpace,
+        warnings: &mut Vec<String>,
+    ) -> Parsed<Option<TextureRef>> {
+        self.reference_as(info, at, color_space, Use::Plain, warnings)
+    }
+
+    /// As [`Textures::reference`], for a texture with glossiness in its alpha channel: the
+    /// roughness `1 - factor * glossiness` in green.
+    pub fn roughness_from_glossiness(
+        &mut self,
+        info: &Value,
+        at: &str,
+        factor: f32,
+        warnings: &mut Vec<String>,
+    ) -> Parsed<Option<TextureRef>> {
+        let usage = Use::Roughness(factor.to_bits());
+        self.reference_as(info, at, ColorSpace::Linear, usage, warnings)
+    }
+
+    fn reference_as(
+        &mut self,
+        info: &Value,
+        at: &str,
+        color_space: ColorSpace,
+        usage: Use,
+        warnings: &mut Vec<String>,
+    ) -> Parsed<Option<TextureRef>> {
+        let info = Info::deserialize(info).map_err(|e| Fault::new(at, e.to_string()))?;
+        let transform = info.extensions.and_then(|e| e.texture_transform).unwrap_or_default();
+        let uv_set = transform.tex_coord.unwrap_or(info.tex_coord);
+        let mut left_out = |why: String| warnings.push(format!("{at} is left out: {why}"));
+        if uv_set > 1 {
+            left_out(format!(
+                "it uses the texture coordinates TEXCOORD_{uv_set}, and only TEXCOORD_0 and TEXCOORD_1 are read"
+            ));
+            return Ok(None);
+        }
+        let texture = info.index.value();
+        let Some(image) = self.textures[texture].1.clone()? else {
+            left_out(format!("/textures/{texture} has no image of a kind that we read"));
+            return Ok(None);
+        };
+        let image = match &self.images[image] {
+            Ok(image) => image.clone(),
+            Err(why) => return Err(Fault::new(format!("/images/{image}"), why.as_str())),
+        };
+        Ok(Some(TextureRef {
+            texture: self.slot(texture, &image, usage, at)?,
+            uv_set: uv_set as u8,
+            offset: Vec2::from_array(transform.offset.0),
+            rotation: transform.rotation.0,
+            scale: Vec2::from_array(transform.scale.0),
+            color_space,
+        }))
+    }
+
+    /// The textures in use.
+    pub fn build(self) -> Vec<Texture> {
+        let texture = |(texture, usage): (usize, Use)| {
+            let (sampler, image) = &self.textures[texture];
+            // `reference_as` lets only textures in whose images are there.
+            let image = self.images[image.clone().ok()??].as_ref().ok()?;
+            let image = match usage {
+                Use::Plain => image.clone(),
+                Use::Roughness(factor) => Arc::new(roughness(image, f32::from_bits(factor))),
+            };
+            Some(Texture {
+                image,
+                wrap_s: wrap(sampler.wrap_s()),
+                wrap_t: wrap(sampler.wrap_t()),
+                nearest: sampler.mag_filter() == Some(MagFilter::Nearest),
+            })
+        };
+        self.slots.iter().filter_map(|slot| texture(*slot)).collect()
+    }
+}
+
+/// The image that the texture `number` shows: the WebP one where there is a choice.
+fn image_of(texture: &Value, number: usize, images: usize) -> Parsed<Option<usize>> {
+    let mut found = None;
+    for below in ["", "/extensions/EXT_texture_webp"] {
+        let source = texture.pointer(&format!("{below}/source"));
+        let Some(image) = source.and_then(index) else { continue };
+        if image >= images {
+            let what = format!("refers to /images/{image}, and images has {images}");
+            return Err(Fault::new(format!("/textures/{number}{below}/source"), what));
+        }
+        found = Some(image);
+    }
+    Ok(found)
+}
+
+fn wrap(mode: WrappingMode) -> Wrap {
+    match mode {
+        WrappingMode::Repeat => Wrap::Repeat,
+        WrappingMode::MirroredRepeat => Wrap::Mirror,
+        WrappingMode::ClampToEdge => Wrap::Clamp,
+    }
+}
+
+/// The image of `1 - factor * alpha` in green, and 1 elsewhere.
+fn roughness(image: &TextureImage, factor: f32) -> TextureImage {
+    let pixels = match &image.pixels {
+        TexturePixels::Rgba8(pixels) => {
+            let green = |a: u8| (255.0 - factor * f32::from(a)).round().clamp(0.0, 255.0) as u8;
+            TexturePixels::Rgba8(pixels.iter().map(|p| [255, green(p[3]), 255, 255]).collect())
+        }
+        TexturePixels::Rgba16(pixels) => {
+            let green =
+                |a: u16| (65535.0 - factor * f32::from(a)).round().clamp(0.0, 65535.0) as u16;
+            TexturePixels::Rgba16(
+                pixels.iter().map(|p| [65535, green(p[3]), 65535, 65535]).collect(),
+            )
+        }
+    };
+    TextureImage { width: image.width, height: image.height, pixels }
+}
