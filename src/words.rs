@@ -50,11 +50,10 @@ macro_rules! words {
 
         impl $crate::words::Words for $name {
             fn words() -> Vec<$crate::words::Word<Self>> {
-                let mut all = Vec::new();
-                $($crate::words::words!(
-                    @ all, $name::$variant, $word, concat!($($about),+) $(, $inner)?
-                );)+
-                all
+                let lists = [$($crate::words::words!(
+                    @ $name::$variant, $word, concat!($($about),+) $(, $inner)?
+                )),+];
+                lists.into_iter().flatten().collect()
             }
         }
 
@@ -72,21 +71,22 @@ macro_rules! words {
             }
         }
     };
-    (@ $all:ident, $value:expr, $word:literal, $about:expr) => {
-        $all.push($crate::words::Word {
+    (@ $value:expr, $word:literal, $about:expr) => {
+        vec![$crate::words::Word {
             word: $word.to_owned(),
             doc: $about.trim().to_owned(),
             value: $value,
-        })
+        }]
     };
-    (@ $all:ident, $value:expr, $word:literal, $about:expr, $inner:ident) => {
-        $all.extend(<$inner as $crate::words::Words>::words().into_iter().map(|inner| {
-            $crate::words::Word {
+    (@ $value:expr, $word:literal, $about:expr, $inner:ident) => {
+        <$inner as $crate::words::Words>::words()
+            .into_iter()
+            .map(|inner| $crate::words::Word {
                 word: format!("{}-{}", $word, inner.word),
                 doc: format!("{} {}", $about.trim(), inner.doc),
                 value: $value(inner.value),
-            }
-        }))
+            })
+            .collect::<Vec<_>>()
     };
 }
 

@@ -83,7 +83,7 @@ impl Fault {
 /// Ends the call with an invalid argument unless the condition holds.
 macro_rules! ensure {
     ($condition:expr, $($text:tt)*) => {
-        if !$condition {
+        if std::ops::Not::not($condition) {
             return Err($crate::capi::status::Fault::argument(format!($($text)*)));
         }
     };

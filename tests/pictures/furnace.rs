@@ -1,9 +1,9 @@
 //! Closed boxes and open skies, where the light is known in closed form.
 //!
-//! In a closed box whose walls all reflect diffusely with albedo ρ and emit L_e, radiance is L_e (1
-//! + ρ + ρ² + ...) = L_e/(1 - ρ) everywhere. With at most N interactions after the camera hit the
-//! sum ends at ρ^(N+1). A record on level l then holds the indirect light π L_e (ρ + ... +
-//! ρ^(N-l)).
+//! In a closed box whose walls all reflect diffusely with albedo ρ and emit L_e, radiance is
+//! `L_e (1 + ρ + ρ² + ...) = L_e/(1 - ρ)` everywhere. With at most N interactions after the camera
+//! hit the sum ends at ρ^(N+1). A record on level l then holds the indirect light
+//! `π L_e (ρ + ... + ρ^(N-l))`.
 //!
 //! Pixels and records are estimates with fixed seeds. Each bound is at least five standard errors
 //! of what it bounds, as measured over the pixels or records themselves: a sound renderer fails one

@@ -61,23 +61,7 @@ struct Convergence<'a, P: Payload> {
     given: Vec<bool>,
 }
 
-/// Refines a filled store until it has fully converged with respect to `points` [Krivanek06,
-/// Algorithm 1]:
-///
-/// 1. each point has a record that is valid there, and
-/// 2. where more than one is valid, leaving one of them out makes no visible difference,
-///    `|Y(L1) - Y(L2)| <= c Y(L1) + max(σ(L1), σ(L2))`, L1 the radiance with the record and L2
-///    without it, direct light included in both, c the scheme's `contrast`.
-///
-/// Of the records that violate the second condition at x, the one of the lowest weight is kept
-/// from x by lowering its error to a_i = err_i(x) - ε, err_i with the term of the normals, which
-/// the paper forgets here: without it records on curved surfaces shrink further than the point
-/// asks, to nothing where positions coincide. No record goes below [`RadiusRule::floor`]; one that
-/// has arrived there may go on violating the condition. Points left without a record get new ones,
-/// whose error is 1.4 times that of the nearest one.
-///
-/// The lengths of the points' lists are not bounded, so none of the contributions that the
-/// condition is about is left out.
+/// Refines records: see [`Cache::refine`](crate::cache::Cache::refine).
 ///
 /// # Errors
 /// [`Error::Cancelled`]; [`Error::InvalidArgument`] if points and appearances are not of one

@@ -53,13 +53,13 @@ pub struct lumi_query {
     pub irradiance: *mut f32,
     /// See `irradiance`.
     pub irradiance_stride: usize,
-    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. The library's
-    /// own scenes alone have it, at points on their surfaces. May be NULL.
+    /// Three floats per point: indirect light that glossy lobes reflect towards `wo`. The
+    /// library's own scenes alone have it, at points on their surfaces. May be NULL.
     pub radiance: *mut f32,
     /// See `radiance`.
     pub radiance_stride: usize,
-    /// One float per point: estimated error as a fraction of the allowed error: 0 at a record, 1 at
-    /// the end of its area. May be NULL.
+    /// One float per point: estimated error as a fraction of the allowed error: 0 at a record, 1
+    /// at the end of its area. May be NULL.
     pub error: *mut f32,
     /// One byte per point: LUMI_POINT_*. May be NULL.
     pub status: *mut u8,
@@ -146,8 +146,8 @@ pub struct lumi_render_desc {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times as
-    /// many where a pixel of the cache is still noisy.
+    /// Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times
+    /// as many where a pixel of the cache is still noisy.
     pub samples: u32,
     /// Zero.
     pub reserved: u32,

@@ -15,7 +15,8 @@ pub struct lumi_mesh_desc {
     pub positions: lumi_view,
     /// LUMI_FORMAT_U32X3, required.
     pub indices: lumi_view,
-    /// LUMI_FORMAT_F32X3 per vertex; without normals the mesh is flat. The library normalises them.
+    /// LUMI_FORMAT_F32X3 per vertex; without normals the mesh is flat. The library normalises
+    /// them.
     pub normals: lumi_view,
     /// LUMI_FORMAT_F32X2 per vertex: texture coordinates, (0, 0) at the first pixel of the first
     /// row.
@@ -240,8 +241,8 @@ pub struct lumi_trace_desc {
     pub origin: *const f32,
     /// 3 n floats, any length but zero.
     pub dir: *const f32,
-    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. This array and
-    /// those below may be NULL.
+    /// n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. This array
+    /// and those below may be NULL.
     pub distance: *mut f32,
     /// 3 n floats: position of the hit.
     pub position: *mut f32,
