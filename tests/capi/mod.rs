@@ -20,6 +20,7 @@ mod bad_input; // versions, counts, numbers
 mod files; // cache files
 mod glossy;
 mod header; // the C header and the guard
+mod hosted; // the exchange with hosts, without C
 mod hosts;
 mod installed; // the installed C library and its examples
 mod misuse;
