@@ -177,7 +177,7 @@ impl Checker<'_> {
             Kind::List(kind, least) => {
                 self.list(kind, None, value)?;
                 if value.as_array().is_some_and(|array| array.len() < *least) {
-                    return self.fault("must have at least 1 element, and has none");
+                    return self.fault("an empty array is not allowed here: leave it out");
                 }
                 Ok(())
             }

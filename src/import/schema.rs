@@ -116,7 +116,7 @@ macro_rules! need {
 }
 
 objects! {
-    ROOT: asset[!] = ASSET, extensionsUsed[+] = List(&Text, 0), extensionsRequired[+] = List(&Text, 0),
+    ROOT: asset[!] = ASSET, extensionsUsed = List(&Text, 0), extensionsRequired = List(&Text, 0),
         extensions = ROOT_EXTENSIONS, scene = To("scenes"), scenes = List(&SCENE, 1),
         nodes = List(&NODE, 1), meshes = List(&MESH, 1), accessors = List(&ACCESSOR, 1),
         buffers = List(&BUFFER, 1), bufferViews = List(&BUFFER_VIEW, 1), skins = List(&SKIN, 1),
