@@ -173,7 +173,8 @@ typedef struct lumi_mesh_desc {
   struct lumi_view positions;
   // LUMI_FORMAT_U32X3, required.
   struct lumi_view indices;
-  // LUMI_FORMAT_F32X3 per vertex; without normals the mesh is flat. The library normalises them.
+  // LUMI_FORMAT_F32X3 per vertex; without normals the mesh is flat. The library normalises
+  // them.
   struct lumi_view normals;
   // LUMI_FORMAT_F32X2 per vertex: texture coordinates, (0, 0) at the first pixel of the first
   // row.
@@ -352,8 +353,8 @@ typedef struct lumi_trace_desc {
   const float *origin;
   // 3 n floats, any length but zero.
   const float *dir;
-  // n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. This array and
-  // those below may be NULL.
+  // n floats: distance of the first hit in lengths of `dir`, INFINITY for a miss. This array
+  // and those below may be NULL.
   float *distance;
   // 3 n floats: position of the hit.
   float *position;
@@ -455,13 +456,13 @@ typedef struct lumi_query {
   float *irradiance;
   // See `irradiance`.
   size_t irradiance_stride;
-  // Three floats per point: indirect light that glossy lobes reflect towards `wo`. The library's
-  // own scenes alone have it, at points on their surfaces. May be NULL.
+  // Three floats per point: indirect light that glossy lobes reflect towards `wo`. The
+  // library's own scenes alone have it, at points on their surfaces. May be NULL.
   float *radiance;
   // See `radiance`.
   size_t radiance_stride;
-  // One float per point: estimated error as a fraction of the allowed error: 0 at a record, 1 at
-  // the end of its area. May be NULL.
+  // One float per point: estimated error as a fraction of the allowed error: 0 at a record, 1
+  // at the end of its area. May be NULL.
   float *error;
   // One byte per point: LUMI_POINT_*. May be NULL.
   uint8_t *status;
@@ -481,8 +482,8 @@ typedef struct lumi_render_desc {
   uint32_t width;
   // Rows.
   uint32_t height;
-  // Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times as
-  // many where a pixel of the cache is still noisy.
+  // Samples per pixel, the same for all pixels; 0: 16 times the quality, and up to four times
+  // as many where a pixel of the cache is still noisy.
   uint32_t samples;
   // Zero.
   uint32_t reserved;

@@ -5,9 +5,10 @@
 
 use super::accessor::{Accessors, Format};
 use super::budget::Budget;
-use super::document::{Document, numbers};
+use super::document::Document;
 use super::fault::{Fault, Parsed};
 use super::node::{Graph, local_transform};
+use super::value::numbers;
 use crate::camera::{Interpolation, Joint, Motion, Track};
 use gltf::animation::{Interpolation as Kind, Property};
 use gltf::json::animation as json;

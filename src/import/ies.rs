@@ -2,9 +2,10 @@
 //! latter is documented at [`super`].
 
 use super::buffers::Buffers;
-use super::document::{Document, float, floats, index};
+use super::document::Document;
 use super::fault::{Fault, Parsed, quote};
 use super::uri::{self, Target};
+use super::value::{float, floats, index};
 use super::{ImportOptions, LightUnits};
 use crate::error::{Error, Result};
 use crate::light::{IesProfile, PunctualLight};

@@ -1,9 +1,10 @@
 //! Materials: the metallic-roughness model and its extensions.
 
-use super::document::{Document, float};
+use super::document::Document;
 use super::fault::{Fault, Parsed, label};
 use super::native;
 use super::texture::Textures;
+use super::value::float;
 use crate::material::{AlphaMode, Material};
 use crate::math::Color;
 use crate::texture::{ColorSpace, TextureRef};

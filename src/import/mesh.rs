@@ -2,9 +2,10 @@
 
 use super::accessor::{Accessor, Accessors, Format};
 use super::budget::Budget;
-use super::document::{Document, index};
+use super::document::Document;
 use super::fault::{Fault, Parsed, label, name};
 use super::topology::{self, Mode};
+use super::value::index;
 use crate::geometry::TriangleMesh;
 use crate::math::{Vec2, Vec3, Vec4};
 use gltf::json::{mesh as json, validation::Checked};

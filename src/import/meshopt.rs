@@ -1,8 +1,8 @@
 //! EXT_meshopt_compression and its successor KHR_meshopt_compression: compressed buffer views.
 
 use super::budget::Budget;
-use super::document::index;
 use super::fault::{Fault, Parsed};
+use super::value::index;
 use serde_json::Value;
 
 /// The names of the extension.

@@ -1,8 +1,8 @@
 //! The BRDFs of the caching papers as the `extras` of a glTF material describe them; the format is
 //! documented at [`super`].
 
-use super::document::float;
 use super::fault::{Fault, Parsed};
+use super::value::float;
 use crate::material::{LafortuneLobe, NativeBrdf};
 use crate::math::Color;
 use serde_json::Value;
@@ -53,7 +53,7 @@ pub(super) fn brdf(json: &Value, path: &str) -> Parsed<NativeBrdf> {
 
 /// A number for all channels, or three.
 fn channels(json: &Value) -> Option<Color> {
-    match super::document::numbers::<3>(json) {
+    match super::value::numbers::<3>(json) {
         Some(rgb) => Some(Color::from_array(rgb.map(|x| x as f32))),
         None => json.as_f64().map(|x| Color::splat(x as f32)),
     }

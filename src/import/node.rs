@@ -1,8 +1,9 @@
 //! The node graph: transforms, and what stands where.
 
 use super::SceneChoice;
-use super::document::{Document, index, numbers};
+use super::document::Document;
 use super::fault::{Fault, Parsed, name, quote};
+use super::value::{index, numbers};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::scene as json;
 use serde_json::Value;

@@ -2,9 +2,10 @@
 
 use super::budget::Budget;
 use super::buffers::Buffers;
-use super::document::{Document, index};
+use super::document::Document;
 use super::fault::{Fault, Parsed};
 use super::image::{self, Decoded};
+use super::value::index;
 use crate::imagefile::{TextureImage, TexturePixels};
 use crate::math::Vec2;
 use crate::texture::{ColorSpace, Texture, TextureRef, Wrap};

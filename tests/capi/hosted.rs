@@ -55,7 +55,7 @@ fn answers_do_not_depend_on_batches_and_threads() {
         };
         let host = Host::new(description(concurrent, most), tracer).unwrap();
         assert_eq!(run(&pool, Some(&host), 3, || (), gathers).unwrap(), alone);
-        let rays = (0..500).map(|g| g % 7 * 5).sum();
+        let rays: u64 = (0..500).map(|g| g % 7 * 5).sum();
         assert_eq!(host.counts()[1], rays);
     }
 }
