@@ -2,11 +2,9 @@
 
 use super::budget::Budget;
 use super::document::index;
+use super::extensions::MESHOPT;
 use super::fault::{Fault, Parsed};
 use serde_json::Value;
-
-/// The names of the extension.
-pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// A compressed buffer view as the document describes it.
 pub(super) struct Compressed<'a> {
@@ -27,7 +25,7 @@ pub(super) struct Compressed<'a> {
 /// The name and the object of the extension.
 fn extension(object: &Value) -> Option<(&'static str, &Value)> {
     let extensions = &object["extensions"];
-    NAMES.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
+    MESHOPT.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
 }
 
 /// True for a buffer that only stands for the decompressed bytes.

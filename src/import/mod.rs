@@ -30,10 +30,13 @@
 //! material say so:
 //!
 //! ```json
-//! {"name": "floor", "extras": {"lumicache": {"brdf": "phong", "kd": [0.2, 0.2, 0.3], "ks": 0.5, "exponent": 50}}}
-//! {"name": "brass", "extras": {"lumicache": {"brdf": "ward", "kd": 0.1, "ks": 0.4, "alpha_x": 0.05, "alpha_y": 0.2}}}
-//! {"name": "paint", "extras": {"lumicache": {"brdf": "lafortune", "kd": 0.3,
-//!                                            "lobes": [{"cx": -0.9, "cy": -0.9, "cz": [0.9, 0.8, 0.7], "exponent": 20}]}}}
+//! {"name": "floor", "extras": {"lumicache": {
+//!     "brdf": "phong", "kd": [0.2, 0.2, 0.3], "ks": 0.5, "exponent": 50}}}
+//! {"name": "brass", "extras": {"lumicache": {
+//!     "brdf": "ward", "kd": 0.1, "ks": 0.4, "alpha_x": 0.05, "alpha_y": 0.2}}}
+//! {"name": "paint", "extras": {"lumicache": {
+//!     "brdf": "lafortune", "kd": 0.3,
+//!     "lobes": [{"cx": -0.9, "cy": -0.9, "cz": [0.9, 0.8, 0.7], "exponent": 20}]}}}
 //! ```
 //!
 //! | property | of | meaning | range | default |
@@ -56,8 +59,10 @@
 //! where the `extras` of a node or of a light of KHR_lights_punctual name one:
 //!
 //! ```json
-//! {"name": "lamp on a node", "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "color": [1, 0.9, 0.8]}}}
-//! {"type": "point", "color": [1, 0.9, 0.8], "extras": {"lumicache": {"ies": "downlight.ies", "multiplier": 1, "relative": false}}}
+//! {"name": "lamp on a node", "extras": {"lumicache": {
+//!     "ies": "downlight.ies", "multiplier": 1, "color": [1, 0.9, 0.8]}}}
+//! {"type": "point", "color": [1, 0.9, 0.8], "extras": {"lumicache": {
+//!     "ies": "downlight.ies", "multiplier": 1, "relative": false}}}
 //! ```
 //!
 //! The file stands beside the scene; the light shines along the node's -Z. Its candela are those of
@@ -65,34 +70,34 @@
 //! true, and is then the intensity in the brightest direction. A TILT section takes effect by
 //! the node's inclination, straight down being -Y.
 
-mod accessor;
-mod accessor_check;
-mod animation;
-mod assembly;
-mod budget;
-mod buffers;
-mod camera;
-mod check;
-mod container;
-mod document;
 mod environment;
-mod extensions;
 mod fault;
-mod ies;
-mod image;
-mod light;
-mod material;
-mod mesh;
+mod budget;
+mod container;
+mod extensions;
+mod parse;
+mod schema;
+mod check;
+mod document;
+mod camera;
 mod meshopt;
 mod native;
 mod node;
-mod parse;
-mod schema;
-mod skin;
 mod tangents;
-mod texture;
 mod topology;
 mod uri;
+mod buffers;
+mod accessor;
+mod accessor_check;
+mod animation;
+mod ies;
+mod image;
+mod light;
+mod mesh;
+mod skin;
+mod assembly;
+mod texture;
+mod material;
 
 pub use camera::default_camera;
 pub use environment::{environment, sky};
