@@ -1,8 +1,10 @@
 //! Which extensions a file may require.
 
 use super::fault::{Fault, Parsed, quote};
-use super::meshopt;
 use serde_json::Value;
+
+/// The names of the extension for compressed buffers.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// Extensions that we read, or that change nothing in a still picture.
 const KNOWN: [&str; 19] = [
@@ -51,7 +53,7 @@ pub(super) fn check(root: &Value) -> Parsed<()> {
     for (i, name) in required.into_iter().flatten().enumerate() {
         // What is no string is refused by the check of the document.
         let Some(name) = name.as_str() else { continue };
-        if !KNOWN.contains(&name) && !meshopt::NAMES.contains(&name) {
+        if !KNOWN.contains(&name) && !MESHOPT.contains(&name) {
             let what = format!(
                 "the file requires the extension {}, which this program lacks: {}",
                 quote(name),

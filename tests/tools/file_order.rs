@@ -5,9 +5,6 @@ use crate::support::source::{Source, files, paths, read, root, tokens};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Folders whose files are not in order yet.
-const UNORDERED: &[&str] = &[];
-
 /// Code without its test modules, which may use the whole folder.
 fn without_tests(tokens: Vec<String>) -> Vec<String> {
     const MARK: [&str; 8] = ["#", "[", "cfg", "(", "test", ")", "]", "mod"];
@@ -203,17 +200,8 @@ fn a_file_uses_only_those_before_it_in_its_folder() {
             }
         }
     }
-    let faults: Vec<_> = folders.iter().zip(&uses).map(|(f, uses)| (f, f.faults(uses))).collect();
-    let listed = |folder: &Folder| UNORDERED.contains(&folder.name.as_str());
-    let new: String =
-        faults.iter().filter(|(f, _)| !listed(f)).map(|(_, fault)| fault.as_str()).collect();
-    assert!(new.is_empty(), "files that use what comes later in their folder:\n{new}");
-    let needless: Vec<_> = faults
-        .iter()
-        .filter(|(f, fault)| listed(f) && fault.is_empty())
-        .map(|(f, _)| &f.name)
-        .collect();
-    assert!(needless.is_empty(), "in order, exceptions no longer: {needless:?}");
+    let faults: String = folders.iter().zip(&uses).map(|(f, uses)| f.faults(uses)).collect();
+    assert!(faults.is_empty(), "files that use what comes later in their folder:\n{faults}");
 }
 
 #[test]
