@@ -127,11 +127,7 @@ fn depth(children: impl Fn(usize) -> std::ops::Range<usize>) -> usize {
 /// n - 2` nodes below the root, `rest_index` the number of the first of them; `level` is the
 /// root's, from 1.
 fn split(
-    items: &mut [Item],
-    first: u32,
-    root: &mut Bvh2Node,
-    rest: &mut [Bvh2Node],
-    rest_index: u32,
+    items: &mut [Item], first: u32, root: &mut Bvh2Node, rest: &mut [Bvh2Node], rest_index: u32,
     level: u32,
 ) {
     let bounds = items.iter().fold(Aabb::INVALID, |all, item| all.union(&item.bounds));

@@ -56,12 +56,7 @@ impl Triangles {
     /// `ids` for shared meshes.
     #[inline]
     fn intersect(
-        &self,
-        origin: Vec3,
-        dir: Vec3,
-        tmin: f32,
-        tmax: &mut f32,
-        instance: Option<u32>,
+        &self, origin: Vec3, dir: Vec3, tmin: f32, tmax: &mut f32, instance: Option<u32>,
         hit: &mut Hit,
     ) {
         if self.nodes.is_empty() {

@@ -55,8 +55,7 @@ fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
 
 /// The positions of an instance's mesh in world space.
 pub fn world_positions(
-    geometry: &Geometry,
-    instance: usize,
+    geometry: &Geometry, instance: usize,
 ) -> impl ExactSizeIterator<Item = Vec3> + Clone {
     let to_world = geometry.instances[instance].to_world;
     mesh_of(geometry, instance).positions.iter().map(move |&p| to_world.transform_point3(p))

@@ -129,10 +129,7 @@ impl Walker {
 /// `nodes` must not be empty nor deeper than [`MAX_DEPTH`].
 #[inline]
 pub fn traverse(
-    nodes: &[Node],
-    walker: &Walker,
-    tmax: &mut f32,
-    mut leaf: impl FnMut(u32, &mut f32) -> bool,
+    nodes: &[Node], walker: &Walker, tmax: &mut f32, mut leaf: impl FnMut(u32, &mut f32) -> bool,
 ) {
     const INNER: u32 = 0xff00_0000;
     let mut stack = [(0_u32, 0_u32); MAX_DEPTH];

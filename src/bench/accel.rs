@@ -182,11 +182,7 @@ enum Kind {
 
 /// Seconds that `tracer` takes for one batch.
 fn seconds(
-    tracer: &Accel,
-    kind: Kind,
-    rays: &[Ray],
-    hits: &mut [Hit],
-    blocked: &mut [bool],
+    tracer: &Accel, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mut [bool],
 ) -> f64 {
     let start = Instant::now();
     match kind {
@@ -207,9 +203,7 @@ fn seconds(
 /// # Errors
 /// What [`Accel::build`] returns.
 pub fn run(
-    geometry: &Geometry,
-    camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>,
-    options: Options,
+    geometry: &Geometry, camera_rays: &mut dyn FnMut(usize) -> Vec<Ray>, options: Options,
 ) -> Result<AccelReport> {
     let _guard = FlushDenormals::new();
     let backends: Vec<Backend> = Backend::ALL

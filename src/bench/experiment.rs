@@ -58,11 +58,7 @@ pub struct Plan {
 /// [`Error::InvalidArgument`] for an unknown preset, an empty plan or paths without bounces; those
 /// of reading the reference and of writing; [`Error::Cancelled`].
 pub fn run(
-    scene: &Scene,
-    settings: &Settings,
-    plan: &Plan,
-    title: &str,
-    folder: &Path,
+    scene: &Scene, settings: &Settings, plan: &Plan, title: &str, folder: &Path,
     progress: &Progress,
 ) -> Result<Report> {
     let schemes = plan.presets.iter().map(|text| base(text, plan)).collect::<Result<Vec<_>>>()?;
@@ -210,12 +206,7 @@ impl Stage<'_> {
 
     /// The error of `attempt`, whose pictures go to `folder`.
     fn row(
-        &self,
-        preset: &str,
-        wanted: usize,
-        attempt: &Attempt,
-        reference: &Reference,
-        folder: &Path,
+        &self, preset: &str, wanted: usize, attempt: &Attempt, reference: &Reference, folder: &Path,
     ) -> Result<Row> {
         let (image, uncovered) = self.irradiance(attempt, attempt.cache.scheme().gather.rays);
         let found =

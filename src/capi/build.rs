@@ -49,13 +49,8 @@ impl CacheObject {
 
     /// In a scene of our own. Radiance records are made where seeds have directions to the viewer.
     fn build_own(
-        &self,
-        scene: &Scene,
-        settings: &Settings,
-        seeds: &[SurfacePoint],
-        have_wo: bool,
-        (cache, lobes): Built,
-        progress: &Progress,
+        &self, scene: &Scene, settings: &Settings, seeds: &[SurfacePoint], have_wo: bool,
+        (cache, lobes): Built, progress: &Progress,
     ) -> Outcome<Built> {
         let (scheme, seed) = (&settings.scheme, settings.seed);
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
@@ -80,12 +75,8 @@ impl CacheObject {
     /// The records that `seeds` need: irradiance everywhere, and where it is `wanted` radiance on
     /// all surfaces of ours whose lobes are cached.
     fn shading_points(
-        &self,
-        tracer: PathTracer,
-        caches: &mut Caches,
-        settings: &Settings,
-        seeds: &[SurfacePoint],
-        wanted: bool,
+        &self, tracer: PathTracer, caches: &mut Caches, settings: &Settings,
+        seeds: &[SurfacePoint], wanted: bool,
     ) -> Vec<ShadingPoint> {
         let Some(lobes) = caches.lobes.as_mut().filter(|_| wanted) else {
             return irradiance_points(seeds).collect();
@@ -107,13 +98,8 @@ impl CacheObject {
 
     /// In the scene of `host`: irradiance alone, without refinement.
     fn build_with(
-        &self,
-        host: &Host,
-        settings: &Settings,
-        seeds: &[SurfacePoint],
-        mut cache: Cache,
-        exchange: &Exchange,
-        progress: &Progress,
+        &self, host: &Host, settings: &Settings, seeds: &[SurfacePoint], mut cache: Cache,
+        exchange: &Exchange, progress: &Progress,
     ) -> Outcome<Built> {
         let world = self.host_probe(host, exchange, progress)?;
         let points: Vec<ShadingPoint> = irradiance_points(seeds).collect();
@@ -157,8 +143,7 @@ impl Settings {
 /// Threads: one per cache; lookups may go on meanwhile and see the cache as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_build(
-    cache: lumi_cache,
-    seeds: *const lumi_query,
+    cache: lumi_cache, seeds: *const lumi_query,
 ) -> lumi_error {
     guard("lumi_cache_build", || {
         let cache = borrow::<CacheObject>(cache)?;

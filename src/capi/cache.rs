@@ -135,10 +135,7 @@ impl CacheObject {
 
     /// Calls `f` with the probe of the scene.
     pub fn with_probe<R>(
-        &self,
-        exchange: &Exchange,
-        progress: &Progress,
-        f: impl FnOnce(&dyn RadianceProbe) -> R,
+        &self, exchange: &Exchange, progress: &Progress, f: impl FnOnce(&dyn RadianceProbe) -> R,
     ) -> Outcome<R> {
         let max_bounces = self.settings().max_bounces;
         Ok(match &self.scene.committed()?.kind {
@@ -149,10 +146,7 @@ impl CacheObject {
 
     /// The probe that asks `host`.
     pub fn host_probe<'a>(
-        &self,
-        host: &'a Host,
-        exchange: &'a Exchange,
-        progress: &'a Progress,
+        &self, host: &'a Host, exchange: &'a Exchange, progress: &'a Progress,
     ) -> Outcome<HostProbe<'a>> {
         let (max_bounces, footprint) =
             (self.settings().max_bounces, DEEPER_FOOTPRINT * self.size()?);
@@ -162,10 +156,7 @@ impl CacheObject {
     /// Runs `work` on other threads. Meanwhile this thread calls the host's tracer, if the host
     /// wants it so, and tells of `progress` where it is watched.
     pub fn run<R: Send>(
-        &self,
-        progress: &Progress,
-        watched: bool,
-        work: impl FnOnce(&Exchange) -> R + Send,
+        &self, progress: &Progress, watched: bool, work: impl FnOnce(&Exchange) -> R + Send,
     ) -> Outcome<R> {
         let own = &self.scene.device.pool;
         let host = self.scene.committed()?.host();
@@ -250,9 +241,7 @@ impl Settings {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_new(
-    scene: lumi_scene,
-    preset: *const c_char,
-    out: *mut lumi_cache,
+    scene: lumi_scene, preset: *const c_char, out: *mut lumi_cache,
 ) -> lumi_error {
     guard("lumi_cache_new", || {
         clear(out)?;
@@ -300,9 +289,7 @@ pub unsafe extern "C" fn lumi_cache_release(cache: lumi_cache) {
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_set_f32(
-    cache: lumi_cache,
-    name: *const c_char,
-    value: f32,
+    cache: lumi_cache, name: *const c_char, value: f32,
 ) -> lumi_error {
     guard("lumi_cache_set_f32", || {
         borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string())
@@ -315,9 +302,7 @@ pub unsafe extern "C" fn lumi_cache_set_f32(
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_set_i32(
-    cache: lumi_cache,
-    name: *const c_char,
-    value: i32,
+    cache: lumi_cache, name: *const c_char, value: i32,
 ) -> lumi_error {
     guard("lumi_cache_set_i32", || {
         borrow::<CacheObject>(cache)?.set(text(name, "name")?, &value.to_string())
@@ -330,9 +315,7 @@ pub unsafe extern "C" fn lumi_cache_set_i32(
 /// Threads: one per cache.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_set_str(
-    cache: lumi_cache,
-    name: *const c_char,
-    value: *const c_char,
+    cache: lumi_cache, name: *const c_char, value: *const c_char,
 ) -> lumi_error {
     guard("lumi_cache_set_str", || {
         borrow::<CacheObject>(cache)?.set(text(name, "name")?, text(value, "value")?)
@@ -344,9 +327,7 @@ pub unsafe extern "C" fn lumi_cache_set_str(
 /// Threads: any; the callback runs on the thread that builds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_set_progress(
-    cache: lumi_cache,
-    callback: lumi_progress_fn,
-    user: *mut c_void,
+    cache: lumi_cache, callback: lumi_progress_fn, user: *mut c_void,
 ) -> lumi_error {
     guard("lumi_cache_set_progress", || {
         let cache = borrow::<CacheObject>(cache)?;

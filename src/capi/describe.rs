@@ -287,10 +287,7 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
 /// The environment of `width` times `height` pixels at `rgb`, `None` for NULL. `to_map` is the
 /// rotation from the world, if not NULL.
 pub(super) fn environment(
-    rgb: *const f32,
-    width: u32,
-    height: u32,
-    to_map: *const f32,
+    rgb: *const f32, width: u32, height: u32, to_map: *const f32,
 ) -> Outcome<Option<EnvironmentMap>> {
     if rgb.is_null() {
         return Ok(None);

@@ -125,9 +125,7 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_device_new(
-    abi_version: u32,
-    config: *const c_char,
-    out: *mut lumi_device,
+    abi_version: u32, config: *const c_char, out: *mut lumi_device,
 ) -> lumi_error {
     guard("lumi_device_new", || {
         clear(out)?;
@@ -164,9 +162,7 @@ pub unsafe extern "C" fn lumi_device_release(device: lumi_device) {
 /// Threads: any; a message under way may still go to the former callback.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_device_set_log(
-    device: lumi_device,
-    callback: lumi_log_fn,
-    user: *mut c_void,
+    device: lumi_device, callback: lumi_log_fn, user: *mut c_void,
 ) -> lumi_error {
     guard("lumi_device_set_log", || {
         borrow::<DeviceObject>(device)?.touched.log.set(callback, user);
@@ -180,9 +176,7 @@ pub unsafe extern "C" fn lumi_device_set_log(
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_device_get_backend(
-    device: lumi_device,
-    buffer: *mut c_char,
-    size: usize,
+    device: lumi_device, buffer: *mut c_char, size: usize,
 ) -> lumi_error {
     guard("lumi_device_get_backend", || {
         let device = borrow::<DeviceObject>(device)?;

@@ -226,8 +226,7 @@ impl CacheObject {
 /// Threads: any. Lookups run on the calling thread; fills on the device's threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_query(
-    cache: lumi_cache,
-    query: *const lumi_query,
+    cache: lumi_cache, query: *const lumi_query,
 ) -> lumi_error {
     guard("lumi_cache_query", || {
         let cache = borrow::<CacheObject>(cache)?;

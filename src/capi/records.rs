@@ -114,9 +114,7 @@ fn reuse(flags: u32) -> Outcome<bool> {
 /// Threads: one per cache; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_load(
-    cache: lumi_cache,
-    file: *const c_char,
-    flags: u32,
+    cache: lumi_cache, file: *const c_char, flags: u32,
 ) -> lumi_error {
     guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
 }
@@ -129,9 +127,7 @@ pub unsafe extern "C" fn lumi_cache_load(
 /// Threads: one per cache `dst`; lookups may go on meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_merge(
-    dst: lumi_cache,
-    src: lumi_cache,
-    flags: u32,
+    dst: lumi_cache, src: lumi_cache, flags: u32,
 ) -> lumi_error {
     guard("lumi_cache_merge", || {
         let (dst, src) = (borrow::<CacheObject>(dst)?, borrow::<CacheObject>(src)?);
@@ -159,8 +155,7 @@ pub unsafe extern "C" fn lumi_cache_clear(cache: lumi_cache) -> lumi_error {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_get_stats(
-    cache: lumi_cache,
-    stats: *mut lumi_stats,
+    cache: lumi_cache, stats: *mut lumi_stats,
 ) -> lumi_error {
     guard("lumi_cache_get_stats", || {
         write(stats, borrow::<CacheObject>(cache)?.stats()?, "the stats")
@@ -175,11 +170,7 @@ pub unsafe extern "C" fn lumi_cache_get_stats(
 /// Threads: any. The numbers of records stay the same while nothing is added.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_get_records(
-    cache: lumi_cache,
-    first: usize,
-    max: usize,
-    out: *mut lumi_record,
-    n: *mut usize,
+    cache: lumi_cache, first: usize, max: usize, out: *mut lumi_record, n: *mut usize,
 ) -> lumi_error {
     guard("lumi_cache_get_records", || {
         let cache = borrow::<CacheObject>(cache)?;

@@ -36,9 +36,7 @@ fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
 
 /// The layers that the host wants, and their room.
 fn wanted(
-    layers: *const lumi_layer,
-    count: usize,
-    samples: usize,
+    layers: *const lumi_layer, count: usize, samples: usize,
 ) -> Outcome<Vec<(&'static Layer, Output<f32, 1>)>> {
     let possible = count <= MOST_LAYERS && (!layers.is_null() || count == 0);
     ensure!(possible, "render: {count} layers at {layers:?}");
@@ -124,10 +122,7 @@ impl CacheObject {
 /// Threads: one per cache; the work is done on the device's threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_cache_render(
-    cache: lumi_cache,
-    desc: *const lumi_render_desc,
-    layers: *const lumi_layer,
-    count: usize,
+    cache: lumi_cache, desc: *const lumi_render_desc, layers: *const lumi_layer, count: usize,
 ) -> lumi_error {
     guard("lumi_cache_render", || {
         let cache = borrow::<CacheObject>(cache)?;

@@ -212,8 +212,7 @@ pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_load_gltf(
-    scene: lumi_scene,
-    file: *const c_char,
+    scene: lumi_scene, file: *const c_char,
 ) -> lumi_error {
     guard("lumi_scene_load_gltf", || {
         let (scene, file) = (borrow::<SceneObject>(scene)?, path(file)?);
@@ -251,9 +250,7 @@ fn add<T>(items: &mut Vec<T>, item: T, id: *mut u32) -> Outcome {
 /// Threads: one per scene. Buffers are copied, unless their view says LUMI_VIEW_SHARED.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_add_mesh(
-    scene: lumi_scene,
-    mesh: *const lumi_mesh_desc,
-    id: *mut u32,
+    scene: lumi_scene, mesh: *const lumi_mesh_desc, id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_mesh", || {
         change(scene, |draft| {
@@ -276,9 +273,7 @@ pub unsafe extern "C" fn lumi_scene_add_mesh(
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_add_instance(
-    scene: lumi_scene,
-    mesh: u32,
-    to_world: *const f32,
+    scene: lumi_scene, mesh: u32, to_world: *const f32,
 ) -> lumi_error {
     guard("lumi_scene_add_instance", || {
         change(scene, |draft| {
@@ -318,9 +313,7 @@ pub unsafe extern "C" fn lumi_material_init(material: *mut lumi_material_desc) -
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_add_material(
-    scene: lumi_scene,
-    material: *const lumi_material_desc,
-    id: *mut u32,
+    scene: lumi_scene, material: *const lumi_material_desc, id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_material", || {
         change(scene, |draft| {
@@ -338,9 +331,7 @@ pub unsafe extern "C" fn lumi_scene_add_material(
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_add_texture(
-    scene: lumi_scene,
-    texture: *const lumi_texture_desc,
-    id: *mut u32,
+    scene: lumi_scene, texture: *const lumi_texture_desc, id: *mut u32,
 ) -> lumi_error {
     guard("lumi_scene_add_texture", || {
         change(scene, |draft| {
@@ -355,8 +346,7 @@ pub unsafe extern "C" fn lumi_scene_add_texture(
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_add_light(
-    scene: lumi_scene,
-    light: *const lumi_light_desc,
+    scene: lumi_scene, light: *const lumi_light_desc,
 ) -> lumi_error {
     guard("lumi_scene_add_light", || {
         change(scene, |draft| {
@@ -377,11 +367,7 @@ pub unsafe extern "C" fn lumi_scene_add_light(
 /// Threads: one per scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_set_environment(
-    scene: lumi_scene,
-    rgb: *const f32,
-    width: u32,
-    height: u32,
-    to_map: *const f32,
+    scene: lumi_scene, rgb: *const f32, width: u32, height: u32, to_map: *const f32,
 ) -> lumi_error {
     guard("lumi_scene_set_environment", || {
         change(scene, |draft| {
@@ -397,8 +383,7 @@ pub unsafe extern "C" fn lumi_scene_set_environment(
 /// released.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_set_host(
-    scene: lumi_scene,
-    host: *const lumi_host_desc,
+    scene: lumi_scene, host: *const lumi_host_desc,
 ) -> lumi_error {
     guard("lumi_scene_set_host", || {
         change(scene, |draft| {
@@ -431,8 +416,7 @@ fn c_text<const N: usize>(text: &str) -> [c_char; N] {
 /// Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_get_info(
-    scene: lumi_scene,
-    info: *mut lumi_scene_info,
+    scene: lumi_scene, info: *mut lumi_scene_info,
 ) -> lumi_error {
     guard("lumi_scene_get_info", || {
         let scene = borrow::<SceneObject>(scene)?;
@@ -462,8 +446,7 @@ pub unsafe extern "C" fn lumi_scene_get_info(
 /// Threads: any; the work is done on the calling thread.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_trace(
-    scene: lumi_scene,
-    rays: *const lumi_trace_desc,
+    scene: lumi_scene, rays: *const lumi_trace_desc,
 ) -> lumi_error {
     guard("lumi_scene_trace", || {
         let object = borrow::<SceneObject>(scene)?;

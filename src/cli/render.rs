@@ -237,10 +237,7 @@ struct Viewer {
 impl Viewer {
     /// Connects to the viewer that the arguments name, if they name one.
     fn connect(
-        &mut self,
-        arguments: &Render,
-        output: &Path,
-        [x0, y0, x1, y1]: [u32; 4],
+        &mut self, arguments: &Render, output: &Path, [x0, y0, x1, y1]: [u32; 4],
     ) -> Result<()> {
         if let Some(address) = &arguments.display_server {
             let title = output.file_name().unwrap_or("lumicache".as_ref()).to_string_lossy();

@@ -27,10 +27,7 @@ pub fn run(arguments: &Report) -> Result<()> {
 }
 
 fn compare(
-    arguments: &Report,
-    plan: &Plan,
-    size: Option<[u32; 2]>,
-    progress: &Progress,
+    arguments: &Report, plan: &Plan, size: Option<[u32; 2]>, progress: &Progress,
 ) -> Result<report::Report> {
     let mut data = import::gltf(&arguments.scene, &ImportOptions::default())?;
     if let Some(map) = &arguments.env {

@@ -60,9 +60,7 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
 /// Does long `work` on `threads` threads (0: all processors) behind a progress bar, which the first
 /// Ctrl-C cancels.
 pub fn on_threads<R: Send>(
-    threads: usize,
-    quiet: bool,
-    work: impl FnOnce(&Progress) -> Result<R> + Send,
+    threads: usize, quiet: bool, work: impl FnOnce(&Progress) -> Result<R> + Send,
 ) -> Result<R> {
     let pool = workers(threads)?;
     let progress = Arc::new(Progress::default());

@@ -111,9 +111,7 @@ pub fn compare(image: &Picture, reference: &Picture, options: &Options) -> Resul
 /// # Errors
 /// As for [`compare`].
 pub fn compare_pixels(
-    image: &Picture,
-    reference: &Picture,
-    options: &Options,
+    image: &Picture, reference: &Picture, options: &Options,
 ) -> Result<Comparison> {
     measure(image, reference, options).map_err(|(side, what)| {
         Error::InvalidArgument(format!(

@@ -53,9 +53,7 @@ fn three(v: Vec3) -> [f32; 4] {
 
 impl Layer {
     const fn new(
-        name: &'static str,
-        channels: &'static [&'static str],
-        values: fn(&Pixel) -> [f32; 4],
+        name: &'static str, channels: &'static [&'static str], values: fn(&Pixel) -> [f32; 4],
     ) -> Self {
         Self { name, channels, kind: SampleKind::Half, basic: false, values }
     }

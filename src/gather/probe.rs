@@ -129,10 +129,7 @@ pub trait RadianceProbe: Sync {
     /// `bundle` are the answered rays of the gather there. `None` for a probe that knows of
     /// indirect light alone.
     fn lights<'a>(
-        &'a self,
-        _from: &SurfacePoint,
-        _bundle: &Bundle,
-        _choice: LightChoice,
+        &'a self, _from: &SurfacePoint, _bundle: &Bundle, _choice: LightChoice,
     ) -> Option<Box<dyn DirectLight + 'a>> {
         None
     }
@@ -152,10 +149,7 @@ pub trait Deeper: Sync {
     /// Irradiance of indirect light at such a point, and the radiance that leaves towards `at.wo`
     /// by the glossy lobe `lobe`; `None` where no record is valid.
     fn radiance(
-        &self,
-        _level: u8,
-        _at: &SurfacePoint,
-        _lobe: &mut LobeCoefficients,
+        &self, _level: u8, _at: &SurfacePoint, _lobe: &mut LobeCoefficients,
     ) -> Option<(Color, Color)> {
         None
     }

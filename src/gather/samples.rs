@@ -52,11 +52,7 @@ impl HemisphereSamples {
     /// Casts the rays of one hemisphere around `at`. `seed` fixes the jitter and every random
     /// choice of the probe.
     pub fn gather(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        at: &SurfacePoint,
-        level: u8,
-        deeper: &dyn Deeper,
+        &mut self, probe: &dyn RadianceProbe, at: &SurfacePoint, level: u8, deeper: &dyn Deeper,
         seed: u64,
     ) {
         self.frame = at.frame;

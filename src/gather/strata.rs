@@ -99,11 +99,7 @@ impl Layout {
 
     /// Fills one jittered direction per stratum, and its density per steradian.
     pub fn directions(
-        self,
-        density: Density,
-        seed: u64,
-        dir_local: &mut Vec<Vec3>,
-        pdf: &mut Vec<f32>,
+        self, density: Density, seed: u64, dir_local: &mut Vec<Vec3>, pdf: &mut Vec<f32>,
     ) {
         let mut rng = Rng::new(seed);
         for k in 0..self.rays() {

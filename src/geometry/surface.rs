@@ -77,12 +77,7 @@ impl SurfacePoint {
 /// The position comes from the vertices and not from the ray, which loses fewer bits. Shading
 /// normals that point away from the viewer's side are mirrored back to it.
 pub fn interpolate(
-    geometry: &Geometry,
-    instance: u32,
-    triangle: u32,
-    u: f32,
-    v: f32,
-    dir: Vec3,
+    geometry: &Geometry, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3,
 ) -> SurfacePoint {
     let inst = &geometry.instances[instance as usize];
     let mesh = &geometry.meshes[inst.mesh as usize];

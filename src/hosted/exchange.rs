@@ -35,9 +35,7 @@ impl Exchange {
     }
 
     fn wait<'a>(
-        &self,
-        waiting: MutexGuard<'a, Waiting>,
-        time: Duration,
+        &self, waiting: MutexGuard<'a, Waiting>, time: Duration,
     ) -> MutexGuard<'a, Waiting> {
         self.changed.wait_timeout(waiting, time).unwrap_or_else(PoisonError::into_inner).0
     }
@@ -130,10 +128,7 @@ impl Drop for End<'_> {
 /// # Panics
 /// If `work` panics.
 pub fn run<R: Send>(
-    pool: &rayon::ThreadPool,
-    host: Option<&Host>,
-    servers: usize,
-    watch: impl Fn(),
+    pool: &rayon::ThreadPool, host: Option<&Host>, servers: usize, watch: impl Fn(),
     work: impl FnOnce(&Exchange) -> R + Send,
 ) -> Result<R> {
     let exchange = Exchange::default();

@@ -28,11 +28,7 @@ pub struct HostProbe<'a> {
 
 /// A surface point of which position, normals, direction to the viewer and footprint are known.
 pub fn surface_point(
-    position: Vec3,
-    normal: Vec3,
-    ng: Vec3,
-    wo: Vec3,
-    footprint: f32,
+    position: Vec3, normal: Vec3, ng: Vec3, wo: Vec3, footprint: f32,
 ) -> SurfacePoint {
     SurfacePoint {
         ng: if ng.dot(normal) < 0.0 { -ng } else { ng },
@@ -93,11 +89,7 @@ impl HostProbe<'_> {
     /// rays, spread evenly over the points. None where the host answers light of all bounces:
     /// deeper levels have no use then.
     pub(super) fn meet(
-        &self,
-        points: &[SurfacePoint],
-        count: usize,
-        bounces: u32,
-        seed: u64,
+        &self, points: &[SurfacePoint], count: usize, bounces: u32, seed: u64,
     ) -> Vec<SurfacePoint> {
         if points.is_empty() || self.host.all_bounces {
             return Vec::new();

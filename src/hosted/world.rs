@@ -11,12 +11,7 @@ impl World for HostProbe<'_> {
     }
 
     fn next_points(
-        &self,
-        before: &[SurfacePoint],
-        level: u8,
-        _: bool,
-        count: usize,
-        seed: u64,
+        &self, before: &[SurfacePoint], level: u8, _: bool, count: usize, seed: u64,
     ) -> Vec<(SurfacePoint, u8)> {
         let found = self.meet(before, count, u32::from(level), seed);
         found.into_iter().map(|point| (point, 0)).collect()

@@ -301,12 +301,7 @@ impl<'a> Accessors<'a> {
     }
 
     fn strided(
-        &self,
-        view: usize,
-        offset: u64,
-        stride: u64,
-        layout: Layout,
-        at: &str,
+        &self, view: usize, offset: u64, stride: u64, layout: Layout, at: &str,
     ) -> Parsed<Strided<'_>> {
         let bytes = self.buffers.bytes(view).map_err(|why| Fault::new(at, why))?;
         Ok(Strided { bytes: &bytes[offset as usize..], stride: stride as usize, layout })
@@ -362,11 +357,7 @@ impl<'a> Accessors<'a> {
     /// each; missing components are `fill`. The accessor's form has been checked, and the
     /// places are below its count.
     pub fn read<const N: usize, T: From<[f32; N]> + Clone>(
-        &self,
-        accessor: &Accessor,
-        pick: Option<&[u32]>,
-        fill: f32,
-        budget: &mut Budget,
+        &self, accessor: &Accessor, pick: Option<&[u32]>, fill: f32, budget: &mut Budget,
     ) -> Parsed<Vec<T>> {
         let layout = accessor.layout()?;
         let components = layout.shape.multiplicity().min(N);
@@ -390,11 +381,7 @@ impl<'a> Accessors<'a> {
 
     /// The elements of an accessor, or those at the places `pick`, as `element` reads them.
     fn values<T: Clone>(
-        &self,
-        accessor: &Accessor,
-        pick: Option<&[u32]>,
-        budget: &mut Budget,
-        zero: T,
+        &self, accessor: &Accessor, pick: Option<&[u32]>, budget: &mut Budget, zero: T,
         element: impl Fn(&Strided, usize) -> T,
     ) -> Parsed<Vec<T>> {
         let count = pick.map_or(accessor.count, |p| p.len() as u64);

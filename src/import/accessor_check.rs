@@ -10,9 +10,7 @@ use gltf::accessor::DataType;
 ///
 /// `work` bounds the bytes that are looked at: thousands of accessors may share the same ones.
 pub(super) fn check(
-    accessors: &Accessors,
-    work: &mut Budget,
-    warnings: &mut Vec<String>,
+    accessors: &Accessors, work: &mut Budget, warnings: &mut Vec<String>,
 ) -> Parsed<()> {
     let mut loose = 0;
     for accessor in &accessors.list {

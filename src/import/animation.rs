@@ -19,10 +19,7 @@ use std::collections::BTreeMap;
 /// The motions of the document's cameras, by the nodes that carry them; nodes that stand still are
 /// left out.
 pub(super) fn motions(
-    document: &Document,
-    accessors: &Accessors,
-    graph: &Graph,
-    budget: &mut Budget,
+    document: &Document, accessors: &Accessors, graph: &Graph, budget: &mut Budget,
     warnings: &mut Vec<String>,
 ) -> Parsed<BTreeMap<usize, Motion>> {
     let carriers = graph.nodes.iter().enumerate().filter(|(_, node)| node.camera.is_some());

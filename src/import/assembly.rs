@@ -175,11 +175,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     /// Completes a mesh and adds it to the scene; `None` if nothing of it is left.
     fn finish(
-        &mut self,
-        primitive: &Primitive,
-        name: String,
-        mut mesh: TriangleMesh,
-        degenerate: usize,
+        &mut self, primitive: &Primitive, name: String, mut mesh: TriangleMesh, degenerate: usize,
     ) -> Parsed<Option<Placed>> {
         mesh.name = name;
         if degenerate > 0 {
@@ -302,11 +298,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     /// One of the attributes of instances, which all have the same count.
     fn instanced<const N: usize, T: From<[f32; N]> + Clone>(
-        &mut self,
-        index: Option<usize>,
-        format: &Format,
-        base: &str,
-        key: &str,
+        &mut self, index: Option<usize>, format: &Format, base: &str, key: &str,
         count: &mut Option<u64>,
     ) -> Parsed<Option<Vec<T>>> {
         let Some(index) = index else { return Ok(None) };

@@ -47,9 +47,7 @@ pub(super) struct Buffers<'a> {
 impl<'a> Buffers<'a> {
     /// Reads every buffer, and checks and decompresses every view.
     pub fn parse(
-        document: &'a Document,
-        budget: &mut Budget,
-        warnings: &mut Vec<String>,
+        document: &'a Document, budget: &mut Budget, warnings: &mut Vec<String>,
     ) -> Parsed<Self> {
         let mut reader = Reader { document, files: HashMap::new(), budget, warnings };
         let buffers = document.root().buffers.iter().enumerate();
@@ -75,11 +73,7 @@ impl<'a> Buffers<'a> {
     /// The bytes `offset..offset + length` of a buffer, or why there are none; `at` is who asks,
     /// and to blame if they do not fit.
     fn slice(
-        &self,
-        buffer: usize,
-        offset: u64,
-        length: u64,
-        at: &str,
+        &self, buffer: usize, offset: u64, length: u64, at: &str,
     ) -> Parsed<std::result::Result<&[u8], String>> {
         let whole = self.buffers[buffer].0;
         let end = offset.checked_add(length).filter(|end| *end <= whole).ok_or_else(|| {
@@ -93,11 +87,7 @@ impl<'a> Buffers<'a> {
 
     /// Checks a view; returns its bytes if they are compressed.
     fn view(
-        &self,
-        document: &Document,
-        index: usize,
-        json: &buffer::View,
-        path: &str,
+        &self, document: &Document, index: usize, json: &buffer::View, path: &str,
         budget: &mut Budget,
     ) -> Parsed<Option<Vec<u8>>> {
         let length = json.byte_length.0;

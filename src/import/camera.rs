@@ -20,17 +20,14 @@ pub(super) struct CameraKind {
 
 /// All cameras of the document; `None` for one that cannot be used.
 pub(super) fn cameras(
-    document: &Document,
-    warnings: &mut Vec<String>,
+    document: &Document, warnings: &mut Vec<String>,
 ) -> Parsed<Vec<Option<CameraKind>>> {
     let cameras = document.root().cameras.iter().enumerate();
     cameras.map(|(i, json)| camera(json, &format!("/cameras/{i}"), warnings)).collect()
 }
 
 fn camera(
-    json: &json::Camera,
-    path: &str,
-    warnings: &mut Vec<String>,
+    json: &json::Camera, path: &str, warnings: &mut Vec<String>,
 ) -> Parsed<Option<CameraKind>> {
     if json.perspective.is_some() && json.orthographic.is_some() {
         let what = "must have either a perspective or an orthographic property, and not both";

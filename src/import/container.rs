@@ -21,9 +21,7 @@ pub(super) struct Container<'a> {
 /// Takes the bytes of a scene file apart; `path` only tells by its extension what the file claims
 /// to be.
 pub(super) fn split<'a>(
-    bytes: &'a [u8],
-    path: &Path,
-    warnings: &mut Vec<String>,
+    bytes: &'a [u8], path: &Path, warnings: &mut Vec<String>,
 ) -> Parsed<Container<'a>> {
     let claims_glb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
     if claims_glb || bytes.starts_with(MAGIC) {
@@ -41,8 +39,7 @@ fn word(bytes: &[u8]) -> Option<(u32, &[u8])> {
 }
 
 fn chunks<'a>(
-    bytes: &'a [u8],
-    warnings: &mut Vec<String>,
+    bytes: &'a [u8], warnings: &mut Vec<String>,
 ) -> std::result::Result<Container<'a>, String> {
     let size = bytes.len();
     let header = word(bytes).and_then(|(_, rest)| word(rest));

@@ -41,10 +41,7 @@ pub fn environment(path: &Path, rotate_degrees: f32, scale: f32) -> Result<Envir
 /// [`Error::InvalidArgument`] for a rotation or a scale that is no finite number or a scale below
 /// 0.
 pub fn sky(
-    sky: &Sky,
-    units: LightUnits,
-    rotate_degrees: f32,
-    scale: f32,
+    sky: &Sky, units: LightUnits, rotate_degrees: f32, scale: f32,
 ) -> Result<(EnvironmentMap, Option<PunctualLight>)> {
     check(rotate_degrees, scale)?;
     // Azimuths run clockwise.

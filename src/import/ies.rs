@@ -52,11 +52,7 @@ impl Luminaire {
     /// A luminaire of the punctual light at `path`: its `extras` decide between the candela of the
     /// file and its own intensity at the peak.
     pub fn of_light(
-        document: &Document,
-        path: &str,
-        color: Color,
-        intensity: f32,
-        files: &mut Profiles,
+        document: &Document, path: &str, color: Color, intensity: f32, files: &mut Profiles,
         units: LightUnits,
     ) -> Parsed<Option<Self>> {
         let path = format!("{path}/extras/lumicache");
@@ -157,9 +153,7 @@ impl<'a> Profiles<'a> {
 
     /// The luminaire of each node, by EXT_lights_ies or by its `extras`.
     pub fn nodes(
-        &mut self,
-        document: &Document,
-        options: &ImportOptions,
+        &mut self, document: &Document, options: &ImportOptions,
     ) -> Parsed<Vec<Option<Luminaire>>> {
         let units = options.light_units;
         let nodes = document.json["nodes"].as_array();

@@ -37,10 +37,7 @@ pub(super) type Decoded = std::result::Result<Arc<TextureImage>, String>;
 
 /// All images of the document, also those that no texture shows: a broken one is an error.
 pub(super) fn images(
-    document: &Document,
-    buffers: &Buffers,
-    pixels: &mut Budget,
-    warnings: &mut Vec<String>,
+    document: &Document, buffers: &Buffers, pixels: &mut Budget, warnings: &mut Vec<String>,
 ) -> Parsed<Vec<Decoded>> {
     let mut finder = Finder { document, buffers, warnings, seen: HashMap::new() };
     let mut encoded = Vec::new();

@@ -32,9 +32,7 @@ pub(super) struct Light {
 
 /// All lights of the document; `None` for one of an unknown type.
 pub(super) fn lights(
-    document: &Document,
-    options: &ImportOptions,
-    profiles: &mut Profiles,
+    document: &Document, options: &ImportOptions, profiles: &mut Profiles,
 ) -> Parsed<Vec<Option<Light>>> {
     let lights: &[json::Light] = document.root().as_ref();
     let read = |(i, json)| {
@@ -45,10 +43,7 @@ pub(super) fn lights(
 }
 
 fn light(
-    json: &json::Light,
-    path: &str,
-    document: &Document,
-    options: &ImportOptions,
+    json: &json::Light, path: &str, document: &Document, options: &ImportOptions,
     profiles: &mut Profiles,
 ) -> Parsed<Option<Light>> {
     let color = Color::from_array(json.color);

@@ -23,9 +23,7 @@ const LEFT_OUT: [(&str, &str); 6] = [
 
 /// All materials of the document.
 pub(super) fn materials(
-    document: &Document,
-    textures: &mut Textures,
-    warnings: &mut Vec<String>,
+    document: &Document, textures: &mut Textures, warnings: &mut Vec<String>,
 ) -> Parsed<Vec<Material>> {
     let materials = document.gltf.materials();
     for (name, what) in LEFT_OUT {

@@ -58,9 +58,7 @@ pub(super) struct Mesh {
 
 /// Reads and checks all meshes of the document.
 pub(super) fn meshes(
-    document: &Document,
-    accessors: &Accessors,
-    warnings: &mut Vec<String>,
+    document: &Document, accessors: &Accessors, warnings: &mut Vec<String>,
 ) -> Parsed<Vec<Mesh>> {
     let mut meshes = Vec::new();
     for (i, mesh) in document.root().meshes.iter().enumerate() {
@@ -96,10 +94,7 @@ pub(super) fn meshes(
 
 /// Reads a primitive; `None` for one that makes no triangles.
 fn primitive(
-    primitive: &json::Primitive,
-    value: &Value,
-    path: &str,
-    accessors: &Accessors,
+    primitive: &json::Primitive, value: &Value, path: &str, accessors: &Accessors,
 ) -> Parsed<Option<Recipe>> {
     let at = format!("{path}/attributes");
     let attributes = self::attributes(&value["attributes"], &at, accessors, true)?;
@@ -219,10 +214,7 @@ pub(super) struct Built {
 
 /// Builds the geometry of a primitive under the morph weights `weights`.
 pub(super) fn build(
-    primitive: &Primitive,
-    weights: &[f32],
-    accessors: &Accessors,
-    budget: &mut Budget,
+    primitive: &Primitive, weights: &[f32], accessors: &Accessors, budget: &mut Budget,
 ) -> Parsed<Built> {
     let Recipe { mode, attributes, indices, .. } = &primitive.recipe;
     let position = match attributes.position {
@@ -271,11 +263,7 @@ pub(super) fn build(
 }
 
 fn indexed(
-    mode: Mode,
-    indices: &Accessor,
-    position: &Accessor,
-    accessors: &Accessors,
-    budget: &mut Budget,
+    mode: Mode, indices: &Accessor, position: &Accessor, accessors: &Accessors, budget: &mut Budget,
 ) -> Parsed<Vec<[u32; 3]>> {
     let values = accessors.read_indices(indices, budget)?;
     if let Some(i) = values.iter().position(|v| u64::from(*v) >= position.count) {
@@ -300,17 +288,13 @@ struct Reader<'r, 'a> {
 
 impl Reader<'_, '_> {
     fn accessor<const N: usize, T: From<[f32; N]> + Clone>(
-        &mut self,
-        index: usize,
-        fill: f32,
+        &mut self, index: usize, fill: f32,
     ) -> Parsed<Vec<T>> {
         self.accessors.read(&self.accessors.list[index], self.pick, fill, self.budget)
     }
 
     fn read<const N: usize, T>(
-        &mut self,
-        which: impl Fn(&Attributes) -> Option<usize>,
-        fill: f32,
+        &mut self, which: impl Fn(&Attributes) -> Option<usize>, fill: f32,
     ) -> Parsed<Option<Vec<T>>>
     where
         T: From<[f32; N]> + Copy + AddAssign + Mul<f32, Output = T>,

@@ -157,9 +157,7 @@ fn node(node: &json::Node, json: &Value, path: String) -> Parsed<Node> {
 
 /// The transform of the node `json`, in the double precision that the crate does not keep.
 pub(super) fn local_transform(
-    json: &Value,
-    path: &str,
-    warnings: &mut Vec<String>,
+    json: &Value, path: &str, warnings: &mut Vec<String>,
 ) -> Parsed<DAffine3> {
     let (translation, scale) = (numbers::<3>(&json["translation"]), numbers::<3>(&json["scale"]));
     let rotation = numbers::<4>(&json["rotation"]);
@@ -200,10 +198,7 @@ fn unit_quaternion(xyzw: [f64; 4], path: &str, warnings: &mut Vec<String>) -> Pa
 
 /// The nodes that the chosen scene shows.
 pub(super) fn scene_roots(
-    document: &Document,
-    graph: &Graph,
-    choice: Option<&SceneChoice>,
-    warnings: &mut Vec<String>,
+    document: &Document, graph: &Graph, choice: Option<&SceneChoice>, warnings: &mut Vec<String>,
 ) -> Parsed<Vec<usize>> {
     let scenes = &document.root().scenes;
     let mut scene_of = vec![usize::MAX; graph.nodes.len()];

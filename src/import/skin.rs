@@ -42,10 +42,7 @@ pub(super) fn skins(document: &Document, accessors: &Accessors) -> Parsed<Vec<Sk
 impl Skin {
     /// What each joint does to a vertex: from the mesh's space to the world, in the rest pose.
     pub fn matrices(
-        &self,
-        graph: &Graph,
-        accessors: &Accessors,
-        budget: &mut Budget,
+        &self, graph: &Graph, accessors: &Accessors, budget: &mut Budget,
     ) -> Parsed<Vec<DAffine3>> {
         let bind = match self.inverse_bind {
             Some(index) => {
@@ -72,10 +69,7 @@ impl Skin {
 ///
 /// Normals take the inverse transpose of the blended matrix.
 pub(super) fn apply(
-    mesh: &mut TriangleMesh,
-    influences: &Influences,
-    matrices: &[DAffine3],
-    path: &str,
+    mesh: &mut TriangleMesh, influences: &Influences, matrices: &[DAffine3], path: &str,
 ) -> Parsed<()> {
     let count = mesh.positions.len();
     for i in 0..count {

@@ -51,9 +51,7 @@ fn unit(v: Vec3) -> Option<Vec3> {
 /// vertex. A vertex between triangles whose textures run left-handed and right-handed is split into
 /// two; a mesh without normals is split into separate triangles.
 pub(super) fn generate_tangents(
-    mesh: &mut TriangleMesh,
-    uv_set: usize,
-    coordinates: impl Fn(Vec2) -> Vec2,
+    mesh: &mut TriangleMesh, uv_set: usize, coordinates: impl Fn(Vec2) -> Vec2,
 ) {
     if mesh.uv[uv_set].is_none() {
         return;

@@ -41,9 +41,7 @@ pub(super) struct Textures<'a> {
 impl<'a> Textures<'a> {
     /// Reads and decodes all images, and the textures that refer to them.
     pub fn parse(
-        document: &'a Document,
-        buffers: &Buffers,
-        warnings: &mut Vec<String>,
+        document: &'a Document, buffers: &Buffers, warnings: &mut Vec<String>,
     ) -> Parsed<Self> {
         let mut pixels = Budget::of_pixels();
         let images = image::images(document, buffers, &mut pixels, warnings)?;
@@ -75,11 +73,7 @@ impl<'a> Textures<'a> {
 
     /// The texture that `info`, which stands at the JSON path `at`, refers to.
     pub fn reference(
-        &mut self,
-        info: &Value,
-        at: &str,
-        color_space: ColorSpace,
-        warnings: &mut Vec<String>,
+        &mut self, info: &Value, at: &str, color_space: ColorSpace, warnings: &mut Vec<String>,
     ) -> Parsed<Option<TextureRef>> {
         self.reference_as(info, at, color_space, Use::Plain, warnings)
     }
@@ -87,22 +81,14 @@ impl<'a> Textures<'a> {
     /// As [`Textures::reference`], for a texture with glossiness in its alpha channel: the
     /// roughness `1 - factor * glossiness` in green.
     pub fn roughness_from_glossiness(
-        &mut self,
-        info: &Value,
-        at: &str,
-        factor: f32,
-        warnings: &mut Vec<String>,
+        &mut self, info: &Value, at: &str, factor: f32, warnings: &mut Vec<String>,
     ) -> Parsed<Option<TextureRef>> {
         let usage = Use::Roughness(factor.to_bits());
         self.reference_as(info, at, ColorSpace::Linear, usage, warnings)
     }
 
     fn reference_as(
-        &mut self,
-        info: &Value,
-        at: &str,
-        color_space: ColorSpace,
-        usage: Use,
+        &mut self, info: &Value, at: &str, color_space: ColorSpace, usage: Use,
         warnings: &mut Vec<String>,
     ) -> Parsed<Option<TextureRef>> {
         let info = Info::deserialize(info).map_err(|e| Fault::new(at, e.to_string()))?;

@@ -14,9 +14,7 @@ pub(super) enum Mode {
 ///
 /// Vertices that do not complete a triangle are left over [glTF20, 3.7.2.1].
 pub(super) fn triangulate(
-    mode: Mode,
-    count: usize,
-    vertex: impl Fn(usize) -> u32,
+    mode: Mode, count: usize, vertex: impl Fn(usize) -> u32,
 ) -> Vec<[u32; 3]> {
     match mode {
         Mode::Triangles => {

@@ -57,8 +57,7 @@ impl Distant {
     /// `None` without light. A disc is its centre, its irradiance across the rays and its angular
     /// radius.
     pub fn new(
-        map: Option<Environment>,
-        discs: impl Iterator<Item = (Vec3, Color, f32)>,
+        map: Option<Environment>, discs: impl Iterator<Item = (Vec3, Color, f32)>,
     ) -> Option<Self> {
         let discs: Vec<Disc> = discs
             .filter(|(_, irradiance, radius)| weight(*irradiance) > 0.0 && *radius > 0.0)

@@ -226,12 +226,7 @@ impl<'a> EmissionSampler<'a> {
 
     /// A ray through the disc across the direction that covers the scene.
     fn start_at_infinity(
-        &self,
-        source: LightSource,
-        delta: bool,
-        direction: Vec3,
-        emitted: Color,
-        place: Vec2,
+        &self, source: LightSource, delta: bool, direction: Vec3, emitted: Color, place: Vec2,
         density: f32,
     ) -> Emission {
         let frame = Frame::from_normal(direction);

@@ -51,11 +51,8 @@ impl Lights {
     /// that name no triangle of `geometry` are ignored, as is an environment whose size
     /// contradicts its pixels.
     pub fn build(
-        geometry: &Geometry,
-        emitters: Vec<Emitter>,
-        punctual: Vec<PunctualLight>,
-        environment: Option<EnvironmentMap>,
-        bounds: Aabb,
+        geometry: &Geometry, emitters: Vec<Emitter>, punctual: Vec<PunctualLight>,
+        environment: Option<EnvironmentMap>, bounds: Aabb,
     ) -> Self {
         let triangles = emitters
             .into_iter()
@@ -179,12 +176,7 @@ impl Lights {
     /// `count` calls. Samples of one light come one after another. The same `seed` gives
     /// the same samples.
     pub fn stratified(
-        &self,
-        p: Vec3,
-        n: Option<Vec3>,
-        count: u32,
-        seed: u32,
-        out: &mut impl FnMut(LightSample),
+        &self, p: Vec3, n: Option<Vec3>, count: u32, seed: u32, out: &mut impl FnMut(LightSample),
     ) {
         let comb = Comb { offset: f64::from(unit_f32(hash(seed))), count };
         self.distribute(p, n, comb, &mut |light, share| {
@@ -200,13 +192,7 @@ impl Lights {
     /// meets the triangle at `distance`, by way of this triangle; 0 if that does not emit
     /// towards `p`.
     pub fn pdf_triangle(
-        &self,
-        p: Vec3,
-        n: Option<Vec3>,
-        instance: u32,
-        triangle: u32,
-        wi: Vec3,
-        distance: f32,
+        &self, p: Vec3, n: Option<Vec3>, instance: u32, triangle: u32, wi: Vec3, distance: f32,
     ) -> f32 {
         let Some(index) = self.emitter_index(instance, triangle) else { return 0.0 };
         if below_horizon(n, wi) {
@@ -286,11 +272,7 @@ impl Lights {
 
     /// `None` if the light turns out not to reach the receiver.
     fn prepare(
-        &self,
-        light: Light,
-        probability: f64,
-        p: Vec3,
-        n: Option<Vec3>,
+        &self, light: Light, probability: f64, p: Vec3, n: Option<Vec3>,
     ) -> Option<Prepared<'_>> {
         let kind = match light {
             Light::Environment => PreparedKind::Environment(self.environment.as_ref()?),

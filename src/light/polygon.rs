@@ -38,10 +38,7 @@ pub fn polygon_irradiance(corners: &[Vec3], p: Vec3, n: Vec3) -> f32 {
 /// The corners relative to `p` of the part of a polygon above the plane through `p` with normal `n`
 /// [Sutherland74, pp. 32-42]. Returns their number.
 fn clip_to_horizon(
-    corners: &[Vec3],
-    p: DVec3,
-    n: DVec3,
-    out: &mut [DVec3; MAX_CORNERS + 1],
+    corners: &[Vec3], p: DVec3, n: DVec3, out: &mut [DVec3; MAX_CORNERS + 1],
 ) -> usize {
     let corners = &corners[..corners.len().min(MAX_CORNERS)];
     let Some(last) = corners.last() else { return 0 };

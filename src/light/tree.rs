@@ -49,9 +49,7 @@ impl Comb {
     /// parts of positive values get all choices.
     #[inline]
     pub fn split(
-        self,
-        share: Share,
-        values: impl Iterator<Item = f32> + Clone,
+        self, share: Share, values: impl Iterator<Item = f32> + Clone,
     ) -> impl Iterator<Item = (usize, Share)> {
         let total: f32 = values.clone().sum();
         let scale = share.probability / f64::from(total);
@@ -174,12 +172,8 @@ impl LightTree {
     }
 
     fn build(
-        &mut self,
-        items: &mut [(LightBounds, Pick)],
-        depth: u32,
-        path: u64,
-        triangles: &[TriangleLight],
-        punctual: &[(u32, PunctualLight)],
+        &mut self, items: &mut [(LightBounds, Pick)], depth: u32, path: u64,
+        triangles: &[TriangleLight], punctual: &[(u32, PunctualLight)],
     ) -> Child {
         if items.len() <= LEAF {
             return Child::Leaf(self.add_leaf(items, path, triangles, punctual));
@@ -201,10 +195,7 @@ impl LightTree {
     }
 
     fn add_leaf(
-        &mut self,
-        items: &[(LightBounds, Pick)],
-        path: u64,
-        triangles: &[TriangleLight],
+        &mut self, items: &[(LightBounds, Pick)], path: u64, triangles: &[TriangleLight],
         punctual: &[(u32, PunctualLight)],
     ) -> u32 {
         let counts = |tree: &Self| {
@@ -280,11 +271,7 @@ impl LightTree {
     /// some. Choices that end among lights which all turn out not to reach the receiver are
     /// lost.
     pub fn distribute(
-        &self,
-        p: Vec3,
-        n: Option<Vec3>,
-        comb: Comb,
-        share: Share,
+        &self, p: Vec3, n: Option<Vec3>, comb: Comb, share: Share,
         out: &mut impl FnMut(Pick, Share),
     ) {
         if let Some(root) = self.root {
@@ -293,12 +280,7 @@ impl LightTree {
     }
 
     fn distribute_below(
-        &self,
-        child: Child,
-        p: Vec3,
-        n: Option<Vec3>,
-        comb: Comb,
-        share: Share,
+        &self, child: Child, p: Vec3, n: Option<Vec3>, comb: Comb, share: Share,
         out: &mut impl FnMut(Pick, Share),
     ) {
         match child {

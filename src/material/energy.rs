@@ -124,10 +124,7 @@ fn node_alpha(j: usize, count: usize) -> f32 {
 /// half square that [`sample_visible_normal`] maps to `h_y > 0` (the rest is symmetric), narrower
 /// towards the steep normals where shadowing sets in.
 fn mean_over_visible_normals(
-    cos: f32,
-    alpha: f32,
-    (nx, ny): (usize, usize),
-    value: impl Fn(Vec3, Vec3) -> Vec2,
+    cos: f32, alpha: f32, (nx, ny): (usize, usize), value: impl Fn(Vec3, Vec3) -> Vec2,
 ) -> Vec2 {
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = Vec2::ZERO;

@@ -186,9 +186,7 @@ impl NativeBrdf {
 
     /// The up to nine single-channel lobes of the Lafortune model.
     fn cosine_lobes(
-        lobes: &[LafortuneLobe; 3],
-        count: u8,
-        wo: Vec3,
+        lobes: &[LafortuneLobe; 3], count: u8, wo: Vec3,
     ) -> impl Iterator<Item = (usize, CosineLobe)> {
         lobes[..usize::from(count)]
             .iter()
@@ -287,11 +285,7 @@ impl NativeBrdf {
 
     /// Draws a direction; arguments as in [`super::Bsdf::sample`].
     pub(super) fn sample(
-        &self,
-        wo: Vec3,
-        lobe_u: f32,
-        u: Vec2,
-        diffuse: bool,
+        &self, wo: Vec3, lobe_u: f32, u: Vec2, diffuse: bool,
     ) -> Option<BsdfSample> {
         let (wd, wg) = self.weights(wo, diffuse);
         let x = lobe_u * (wd + wg);

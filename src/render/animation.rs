@@ -142,17 +142,13 @@ impl<'a> Job<'a> {
     /// # Errors
     /// Those of [`Job::run`] and of `finished`; [`Error::Cancelled`] if no picture was begun.
     pub fn run_sequence(
-        self,
-        cameras: &[(u32, Camera)],
-        finished: impl FnMut(u32, &Picture) -> Result<()> + Send,
+        self, cameras: &[(u32, Camera)], finished: impl FnMut(u32, &Picture) -> Result<()> + Send,
     ) -> Result<Sequence<'a>> {
         on_workers(|| self.render_sequence(cameras, finished))
     }
 
     fn render_sequence(
-        mut self,
-        cameras: &[(u32, Camera)],
-        mut finished: impl FnMut(u32, &Picture) -> Result<()>,
+        mut self, cameras: &[(u32, Camera)], mut finished: impl FnMut(u32, &Picture) -> Result<()>,
     ) -> Result<Sequence<'a>> {
         let settings = self.settings()?;
         let mut caches = self.begin(&settings)?;

@@ -48,10 +48,7 @@ impl Caches {
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).
     pub fn fill(
-        &mut self,
-        world: &SceneWorld,
-        points: &[ShadingPoint],
-        plan: &FillPlan,
+        &mut self, world: &SceneWorld, points: &[ShadingPoint], plan: &FillPlan,
         progress: &Progress,
     ) -> Result<Vec<u32>> {
         let before = world.rays();

@@ -49,12 +49,8 @@ impl Frame {
     /// Shades all pixels by `caches`, or by paths alone. `limits` are the numbers of records that
     /// each pixel may use.
     pub(super) fn shade(
-        scene: &Scene,
-        settings: &Settings,
-        caches: Option<&Caches>,
-        limits: Option<&[u32]>,
-        progress: &Progress,
-        watcher: &mut Watcher,
+        scene: &Scene, settings: &Settings, caches: Option<&Caches>, limits: Option<&[u32]>,
+        progress: &Progress, watcher: &mut Watcher,
     ) -> Self {
         let mut frame = Self::empty(settings, caches);
         if settings.prepass_only {

@@ -379,10 +379,7 @@ impl<'a> Job<'a> {
 
 /// The records of cache files, if there are any.
 fn read(
-    paths: &[PathBuf],
-    reuse: bool,
-    scene: &Scene,
-    settings: &Settings,
+    paths: &[PathBuf], reuse: bool, scene: &Scene, settings: &Settings,
 ) -> Result<Option<Cache>> {
     let Some((first, others)) = paths.split_first() else { return Ok(None) };
     let mut all = CacheFile::read(first)?;

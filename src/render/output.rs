@@ -15,11 +15,7 @@ use std::path::Path;
 /// # Errors
 /// Those of writing the file.
 pub fn write_exr(
-    path: &Path,
-    frame: &Frame,
-    settings: &Settings,
-    selection: &Selection,
-    facts: &Facts,
+    path: &Path, frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts,
 ) -> Result<()> {
     exr::write(path, &picture(frame, settings, selection, facts))
 }
@@ -70,11 +66,7 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
 /// # Errors
 /// Those of writing the file.
 pub fn write_preview(
-    path: &Path,
-    frame: &Frame,
-    settings: &Settings,
-    exposure_ev: f32,
-    show_records: bool,
+    path: &Path, frame: &Frame, settings: &Settings, exposure_ev: f32, show_records: bool,
 ) -> Result<()> {
     let pixels: Vec<Color> = match frame.caches.as_ref().filter(|_| show_records) {
         Some(caches) => overlay::draw(&frame.film, &caches.cache, settings).overlay,

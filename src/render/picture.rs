@@ -43,11 +43,7 @@ pub struct Picture<'a> {
 
 impl<'a> Picture<'a> {
     pub(super) fn new(
-        scene: &'a Scene,
-        frame: Frame,
-        settings: Settings,
-        clock: Clock,
-        output: Output,
+        scene: &'a Scene, frame: Frame, settings: Settings, clock: Clock, output: Output,
     ) -> Self {
         Self { frame, settings, clock, scene, output, threads: rayon::current_num_threads() }
     }

@@ -47,10 +47,7 @@ impl Growth {
 /// # Errors
 /// Those of [`fill_for_camera`].
 pub fn fill_sequence(
-    scene: &Scene,
-    settings: &Settings,
-    cameras: &[Camera],
-    caches: &mut Caches,
+    scene: &Scene, settings: &Settings, cameras: &[Camera], caches: &mut Caches,
     progress: &Progress,
 ) -> Result<Vec<Growth>> {
     let mut growth = vec![Growth::default(); cameras.len()];

@@ -11,11 +11,7 @@ use serde_json::{Value, json};
 /// Seconds per phase, rays by kind, records and bytes per level, lookups and hits, back end,
 /// threads, peak memory and settings.
 pub fn stats(
-    scene: &Scene,
-    settings: &Settings,
-    frame: &Frame,
-    clock: &Clock,
-    threads: usize,
+    scene: &Scene, settings: &Settings, frame: &Frame, clock: &Clock, threads: usize,
 ) -> Value {
     let (lookups, misses) = frame
         .film

@@ -51,11 +51,7 @@ impl Display {
     /// [`Error::InvalidArgument`] naming the address when nobody answers within five seconds, and
     /// for empty sizes or names that the protocol cannot carry.
     pub fn connect(
-        address: &str,
-        title: &str,
-        width: u32,
-        height: u32,
-        channel_names: &[&str],
+        address: &str, title: &str, width: u32, height: u32, channel_names: &[&str],
     ) -> Result<Self> {
         let refused =
             |what: &str| Err(Error::InvalidArgument(format!("display server {address}: {what}")));

@@ -23,11 +23,7 @@ const DEEPER_POINTS: usize = 16_384;
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).
 pub fn fill_for_camera(
-    caches: &mut Caches,
-    scene: &Scene,
-    settings: &Settings,
-    others: &[Camera],
-    progress: &Progress,
+    caches: &mut Caches, scene: &Scene, settings: &Settings, others: &[Camera], progress: &Progress,
 ) -> Result<Vec<u32>> {
     let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
     let order = pixel_order(settings);
@@ -56,11 +52,7 @@ pub fn fill_for_camera(
 
 /// What the pixels see by their first samples. Decides which materials are worth radiance records.
 fn visible(
-    caches: &mut Caches,
-    tracer: PathTracer,
-    settings: &Settings,
-    others: &[Camera],
-    order: &[u32],
+    caches: &mut Caches, tracer: PathTracer, settings: &Settings, others: &[Camera], order: &[u32],
 ) -> Vec<ShadingPoint> {
     let scheme = &settings.scheme;
     let all = caches.lobes.as_deref().map(|lobes| {

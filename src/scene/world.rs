@@ -225,10 +225,7 @@ impl Scene {
     /// Goes on behind the see-through surface at `point`.
     #[cold]
     fn pass_layers(
-        &self,
-        ray: &Ray,
-        mut point: SurfacePoint,
-        seed: u64,
+        &self, ray: &Ray, mut point: SurfacePoint, seed: u64,
     ) -> Option<(SurfacePoint, f32)> {
         for _ in 0..MAX_LAYERS {
             let mut next = self.spawn(&point, ray.dir);
@@ -314,11 +311,7 @@ fn emitters(geometry: &Geometry, materials: &[Material], textures: &[Texture]) -
 /// Mean emission over the front of a triangle: exact without a texture, else the mean over a
 /// regular grid of its points.
 fn mean_emission(
-    geometry: &Geometry,
-    material: &Material,
-    textures: &[Texture],
-    instance: u32,
-    triangle: u32,
+    geometry: &Geometry, material: &Material, textures: &[Texture], instance: u32, triangle: u32,
 ) -> Color {
     if material.emission_texture.is_none() {
         return material.emission;

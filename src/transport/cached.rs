@@ -128,13 +128,8 @@ impl<'a> CachedIntegrator<'a> {
     }
 
     fn shade_one(
-        &self,
-        sample: &CameraSample,
-        ray: &Ray,
-        hit: Hit,
-        mut clock: Option<&mut Spent>,
-        lobe: &mut LobeCoefficients,
-        mut shadow: impl FnMut(Ray, Reflected, bool),
+        &self, sample: &CameraSample, ray: &Ray, hit: Hit, mut clock: Option<&mut Spent>,
+        lobe: &mut LobeCoefficients, mut shadow: impl FnMut(Ray, Reflected, bool),
     ) -> Shaded {
         let scene = self.tracer.scene;
         let mut out = Shaded::default();
@@ -292,12 +287,7 @@ impl<'a> CachedIntegrator<'a> {
     /// Radiance of indirect light that leaves a surface whose glossy lobes radiance records serve,
     /// by all its lobes.
     fn reflected(
-        &self,
-        v: &Vertex,
-        bounces: u32,
-        limit: u32,
-        lobe: &mut LobeCoefficients,
-        out: &mut Shaded,
+        &self, v: &Vertex, bounces: u32, limit: u32, lobe: &mut LobeCoefficients, out: &mut Shaded,
     ) -> Option<Reflected> {
         if v.bsdf.is_delta_only() || !v.bsdf.has_glossy() {
             return None;
@@ -336,11 +326,7 @@ impl<'a> CachedIntegrator<'a> {
     /// Radiance of indirect light that leaves by the diffuse lobe, from the cache, and that of
     /// direct light, if records hold it.
     fn cached(
-        &self,
-        v: &Vertex,
-        bounces: u32,
-        limit: u32,
-        out: &mut Shaded,
+        &self, v: &Vertex, bounces: u32, limit: u32, out: &mut Shaded,
     ) -> Option<(Color, Option<Color>)> {
         if !v.bsdf.has_diffuse() {
             return None;

@@ -40,10 +40,7 @@ impl<'a> LightPoints<'a> {
     /// Places for the surroundings of `from`, by light samples there. The environment is found by
     /// rays of the gather, too; both kinds are weighed by the balance heuristic.
     pub fn new(
-        scene: &'a Scene,
-        from: &SurfacePoint,
-        bundle: &Bundle,
-        choice: LightChoice,
+        scene: &'a Scene, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice,
         rays: &'a AtomicU64,
     ) -> Self {
         let lights = scene.lights();
@@ -100,12 +97,8 @@ impl<'a> LightPoints<'a> {
 
 /// The place of a light sample on an emissive triangle.
 fn on_triangle(
-    scene: &Scene,
-    from: &SurfacePoint,
-    sample: &LightSample,
-    [instance, triangle]: [u32; 2],
-    [u, v]: [f32; 2],
-    samples: f32,
+    scene: &Scene, from: &SurfacePoint, sample: &LightSample, [instance, triangle]: [u32; 2],
+    [u, v]: [f32; 2], samples: f32,
 ) -> Option<Place> {
     let [a, b, c] = scene.geometry().triangle(instance, triangle);
     let normal = (b - a).cross(c - a).try_normalize()?;

@@ -42,10 +42,7 @@ impl<'a> Views<'a> {
     /// Those of the hit `vertex` at `distance` from the gather `from`; `None` where nothing
     /// changes.
     pub fn new(
-        how: HitChange,
-        tables: Option<&'a GlossyTables>,
-        from: &SurfacePoint,
-        vertex: &'a Vertex,
+        how: HitChange, tables: Option<&'a GlossyTables>, from: &SurfacePoint, vertex: &'a Vertex,
         distance: f32,
     ) -> Option<Self> {
         if how == HitChange::None || !vertex.bsdf.has_glossy() || vertex.bsdf.is_delta_only() {
@@ -74,10 +71,7 @@ impl<'a> Views<'a> {
     /// directions: their product with the lobe is known in all of them, and without noise
     /// [Zhao, Eq. 3.46-3.48].
     pub fn of_step(
-        &self,
-        step: &Step,
-        next: Color,
-        (indirect, level): (IndirectLight, u8),
+        &self, step: &Step, next: Color, (indirect, level): (IndirectLight, u8),
     ) -> Change {
         let bsdf = &self.vertex.bsdf;
         let mut cached = self.relative(step.cached.diffuse, |wo| bsdf.diffuse_albedo(wo));

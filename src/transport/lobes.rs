@@ -157,11 +157,7 @@ impl CachedLobes<'_> {
     /// [`GlossyTables::project`]. `None` where they are traced. `albedo` is that of all lobes
     /// towards `at.wo`, if it is known.
     pub fn project(
-        &self,
-        at: &SurfacePoint,
-        bsdf: &Bsdf,
-        albedo: Option<Color>,
-        out: &mut Vec<f32>,
+        &self, at: &SurfacePoint, bsdf: &Bsdf, albedo: Option<Color>, out: &mut Vec<f32>,
     ) -> Option<usize> {
         self.admits(at, bsdf, albedo)
             .then(|| self.tables.project(at.material, bsdf, at.frame.to_local(at.wo), out))?

@@ -94,12 +94,7 @@ impl CameraSample {
     /// Sample `index` of the pixel with `seed` at the integer position `pixel` of an image of
     /// `size` pixels.
     pub fn new(
-        camera: &Camera,
-        pixel: [u32; 2],
-        size: [u32; 2],
-        seed: u64,
-        index: u32,
-        limit: u32,
+        camera: &Camera, pixel: [u32; 2], size: [u32; 2], seed: u64, index: u32, limit: u32,
     ) -> Self {
         let mut sampler = Sampler::new(seed, index);
         let jitter = sampler.next_2d();

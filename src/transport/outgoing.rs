@@ -37,11 +37,7 @@ impl PathTracer<'_> {
     /// cached, else by `samples` paths that end in `cache`. What the first segment of a path sees
     /// shine is direct light and left out. `None` if no surface passes through the point.
     pub fn glossy_indirect(
-        &self,
-        at: &SurfacePoint,
-        samples: u32,
-        seed: u64,
-        cache: &Cache,
+        &self, at: &SurfacePoint, samples: u32, seed: u64, cache: &Cache,
         lobes: Option<CachedLobes>,
     ) -> Option<Color> {
         let vertex = self.surface_at(at, seed)?;

@@ -139,11 +139,7 @@ impl PathTracer<'_> {
     ///
     /// Where indirect light is known by `indirect` the path ends.
     pub(super) fn incoming(
-        &self,
-        ray: &Ray,
-        start: &Start,
-        sampler: &mut Sampler,
-        seed: u64,
+        &self, ray: &Ray, start: &Start, sampler: &mut Sampler, seed: u64,
         indirect: Option<IndirectLight>,
     ) -> Incoming {
         let mut light = Incoming::default();
@@ -194,11 +190,7 @@ impl PathTracer<'_> {
     /// Light emitted towards the ray by what it hit, weighed against the light sampling done at
     /// `origin`.
     fn emitted(
-        &self,
-        ray: &Ray,
-        hit: Option<(&SurfacePoint, f32)>,
-        pdf: f32,
-        origin: &Origin,
+        &self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &Origin,
     ) -> Color {
         let lights = self.scene.lights();
         match hit {
@@ -234,11 +226,7 @@ impl PathTracer<'_> {
     /// What happens at a vertex that is not the camera's: indirect light from a cache where one
     /// knows it, one light sample, and the next ray.
     pub(super) fn step(
-        &self,
-        v: &Vertex,
-        sampler: &mut Sampler,
-        bounces: u32,
-        indirect: Option<IndirectLight>,
+        &self, v: &Vertex, sampler: &mut Sampler, bounces: u32, indirect: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
         let (cached, sampled) = match indirect
@@ -269,10 +257,7 @@ impl PathTracer<'_> {
 
     /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.
     pub(super) fn light(
-        &self,
-        v: &Vertex,
-        sampler: &mut Sampler,
-        sampled: Sampled,
+        &self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled,
     ) -> Option<(Ray, Reflected)> {
         // In this order a pixel's place, the light sample and the choices after it take two whole
         // sets of the sequence.
@@ -302,10 +287,7 @@ impl PathTracer<'_> {
     /// Direct light of the environment by a direction of the diffuse lobe, weighed against light
     /// samples; `None` unless that is `sampled`.
     pub(super) fn sky(
-        &self,
-        v: &Vertex,
-        sampler: &mut Sampler,
-        sampled: Sampled,
+        &self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled,
     ) -> Option<(Ray, Reflected)> {
         if sampled != Sampled::GlossyAndSky {
             return None;
@@ -326,10 +308,7 @@ impl PathTracer<'_> {
     /// Samples the BSDF at a vertex, or its lobes other than the diffuse one, and makes the next
     /// ray.
     pub(super) fn scatter(
-        &self,
-        v: &Vertex,
-        sampler: &mut Sampler,
-        sampled: Sampled,
+        &self, v: &Vertex, sampler: &mut Sampler, sampled: Sampled,
     ) -> Option<(BsdfSample, Ray)> {
         if sampled == Sampled::Nothing || (sampled != Sampled::Everything && !v.bsdf.has_glossy()) {
             return None;
@@ -384,11 +363,7 @@ pub(super) fn split(v: &Vertex, sample: &BsdfSample) -> (Color, Color) {
 /// Light of one sample reflected at `at`, by the diffuse lobe and by the others, before occlusion,
 /// weighed against sampling the lobes that `sampled` says. `None` where nothing is reflected.
 pub(super) fn reflected(
-    scene: &Scene,
-    at: &SurfacePoint,
-    bsdf: &Bsdf,
-    light: &LightSample,
-    sampled: Sampled,
+    scene: &Scene, at: &SurfacePoint, bsdf: &Bsdf, light: &LightSample, sampled: Sampled,
 ) -> Option<Reflected> {
     let frame = &at.frame;
     let (wo, wi) = (frame.to_local(at.wo), frame.to_local(light.wi));

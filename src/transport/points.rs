@@ -62,9 +62,7 @@ impl PathTracer<'_> {
     /// Direct light comes from a few samples of the lights at each point, and from what the surface
     /// emits itself; `pixels` holds the camera rays and their seeds.
     pub fn views(
-        &self,
-        pixels: &[(CameraRay, u64)],
-        lobes: Option<CachedLobes>,
+        &self, pixels: &[(CameraRay, u64)], lobes: Option<CachedLobes>,
     ) -> Vec<Option<View>> {
         let vertex = |(camera, seed): &(CameraRay, u64)| {
             Some((self.first_usable(camera, *seed, lobes)?, *seed))
@@ -88,8 +86,7 @@ impl PathTracer<'_> {
 
     /// The views of vertices, each with a seed.
     fn views_of(
-        &self,
-        vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>,
+        &self, vertices: impl ExactSizeIterator<Item = Option<(Vertex, u64)>>,
     ) -> Vec<Option<View>> {
         let (mut rays, mut light) = (Vec::new(), Vec::new());
         let mut seen: Vec<Option<View>> = Vec::with_capacity(vertices.len());
@@ -140,10 +137,7 @@ impl PathTracer<'_> {
     /// can serve: with the number of bands that the record of its glossy lobes needs, or 0 if it
     /// has a diffuse lobe alone to be served; and whether it has a diffuse lobe.
     pub fn first_cached(
-        &self,
-        camera: &CameraRay,
-        seed: u64,
-        lobes: Option<CachedLobes>,
+        &self, camera: &CameraRay, seed: u64, lobes: Option<CachedLobes>,
     ) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.first_usable(camera, seed, lobes)?;
         Some((point, radiance_order(lobes, &point, &bsdf), bsdf.has_diffuse()))
@@ -152,10 +146,7 @@ impl PathTracer<'_> {
     /// The surface that passes through `at`, which only tells where that is and from where it is
     /// seen, as [`PathTracer::first_cached`] would find it.
     pub fn cached_at(
-        &self,
-        at: &SurfacePoint,
-        seed: u64,
-        lobes: Option<CachedLobes>,
+        &self, at: &SurfacePoint, seed: u64, lobes: Option<CachedLobes>,
     ) -> Option<(SurfacePoint, u8, bool)> {
         let Vertex { point, bsdf } = self.surface_at(at, seed)?;
         Some((point, radiance_order(lobes, &point, &bsdf), bsdf.has_diffuse()))
@@ -163,10 +154,7 @@ impl PathTracer<'_> {
 
     /// The first surface that records of any kind can serve.
     fn first_usable(
-        &self,
-        camera: &CameraRay,
-        seed: u64,
-        lobes: Option<CachedLobes>,
+        &self, camera: &CameraRay, seed: u64, lobes: Option<CachedLobes>,
     ) -> Option<Vertex> {
         let usable = |point: &SurfacePoint, bsdf: &Bsdf| {
             bsdf.has_diffuse() || radiance_order(lobes, point, bsdf) > 0
@@ -177,10 +165,7 @@ impl PathTracer<'_> {
     /// The first surface that is `wanted`, with its BSDF and the number of ideal mirrors and panes
     /// before it; `None` if the first that is none of those is not wanted.
     fn first_vertex(
-        &self,
-        camera: &CameraRay,
-        seed: u64,
-        wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
+        &self, camera: &CameraRay, seed: u64, wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
     ) -> Option<(Vertex, u32)> {
         let mut ray =
             Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
@@ -209,11 +194,7 @@ impl PathTracer<'_> {
     /// cosine-distributed rays from `points` meet: `count` rays, spread evenly over the points.
     /// With each point comes the number of bands of its radiance record, 0 where none is wanted.
     pub fn next_points(
-        &self,
-        points: &[SurfacePoint],
-        count: usize,
-        seed: u64,
-        lobes: Option<CachedLobes>,
+        &self, points: &[SurfacePoint], count: usize, seed: u64, lobes: Option<CachedLobes>,
     ) -> Vec<(SurfacePoint, u8)> {
         if points.is_empty() {
             return Vec::new();

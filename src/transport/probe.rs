@@ -162,10 +162,7 @@ impl RadianceProbe for SceneProbe<'_> {
     }
 
     fn lights<'a>(
-        &'a self,
-        from: &SurfacePoint,
-        bundle: &Bundle,
-        choice: LightChoice,
+        &'a self, from: &SurfacePoint, bundle: &Bundle, choice: LightChoice,
     ) -> Option<Box<dyn DirectLight + 'a>> {
         Some(Box::new(LightPoints::new(
             self.tracer.scene,

@@ -38,10 +38,7 @@ impl PathTracer<'_> {
     /// The glossy reflection at `v` of the hits that `records` keep as `storage` says; with
     /// [`Hits::Retraced`] the light that leaves each of them towards `v` is found anew.
     pub(super) fn reflect_hits(
-        &self,
-        v: &Vertex,
-        limit: u32,
-        (records, storage): (&Store<Harmonics>, Hits),
+        &self, v: &Vertex, limit: u32, (records, storage): (&Store<Harmonics>, Hits),
         indirect: IndirectLight,
     ) -> Option<Answer> {
         let seed = position_hash(&v.point);

@@ -58,12 +58,7 @@ impl World for SceneWorld<'_> {
     }
 
     fn next_points(
-        &self,
-        before: &[SurfacePoint],
-        _: u8,
-        radiance: bool,
-        count: usize,
-        seed: u64,
+        &self, before: &[SurfacePoint], _: u8, radiance: bool, count: usize, seed: u64,
     ) -> Vec<(SurfacePoint, u8)> {
         self.tracer.next_points(before, count, seed, self.lobes.filter(|_| radiance))
     }

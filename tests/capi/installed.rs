@@ -42,10 +42,7 @@ fn scene() -> String {
 /// Runs `program` with the installed library and returns what it prints.
 #[track_caller]
 fn run(
-    prefix: &Path,
-    program: impl AsRef<std::ffi::OsStr>,
-    arguments: &[&str],
-    set: &[(&str, &str)],
+    prefix: &Path, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str], set: &[(&str, &str)],
 ) -> String {
     let mut command = Command::new(program.as_ref());
     command

@@ -25,11 +25,7 @@ fn exact_hessian(basis: &dyn Basis, blocker: Option<Area>) -> [Vec<f64>; 3] {
 
 /// Means over `runs` seeds of the red channel.
 fn estimate(
-    probe: &dyn RadianceProbe,
-    basis: &Sh,
-    n: u32,
-    runs: u64,
-    rule: TriangleRadiance,
+    probe: &dyn RadianceProbe, basis: &Sh, n: u32, runs: u64, rule: TriangleRadiance,
 ) -> ([Vec<f64>; 2], [Vec<f64>; 3]) {
     let count = basis.count();
     let (mut gradient, mut hessian) = (
@@ -60,12 +56,7 @@ fn off_twice(a: &[Vec<f64>; 3], b: &[Vec<f64>; 3]) -> f64 {
 }
 
 fn errors(
-    probe: &Ceiling,
-    blocker: Option<Area>,
-    order: usize,
-    n: u32,
-    runs: u64,
-    rule: TriangleRadiance,
+    probe: &Ceiling, blocker: Option<Area>, order: usize, n: u32, runs: u64, rule: TriangleRadiance,
 ) -> (f64, f64) {
     let basis = Sh::new(order);
     let (gradient, hessian) = estimate(probe, &basis, n, runs, rule);
@@ -147,10 +138,7 @@ fn a_uniform_world_has_no_derivatives() {
     struct Uniform;
     impl RadianceProbe for Uniform {
         fn incoming(
-            &self,
-            _: &lumicache::geometry::SurfacePoint,
-            _: u8,
-            _: &dyn lumicache::gather::Deeper,
+            &self, _: &lumicache::geometry::SurfacePoint, _: u8, _: &dyn lumicache::gather::Deeper,
             bundle: &mut lumicache::gather::Bundle,
         ) {
             for k in 0..bundle.len() {

@@ -64,10 +64,7 @@ pub fn occluder(min: [f32; 2], max: [f32; 2]) -> LampAndOccluders {
 /// Mean over `runs` seeds of (E, translational gradient by `kind`, rotational gradient), red
 /// channel.
 fn estimate(
-    probe: &dyn RadianceProbe,
-    layout: Layout,
-    kind: TranslationalGradient,
-    runs: u64,
+    probe: &dyn RadianceProbe, layout: Layout, kind: TranslationalGradient, runs: u64,
 ) -> (f64, [f64; 2], [f64; 2]) {
     let mut samples = HemisphereSamples::new(layout, Density::Cosine);
     let (mut e, mut t, mut r) = (0.0, [0.0; 2], [0.0; 2]);

@@ -47,10 +47,7 @@ fn values(d: &Derivatives) -> Golden {
 }
 
 pub fn gathered(
-    probe: &dyn RadianceProbe,
-    at: &SurfacePoint,
-    n: u32,
-    seed: u64,
+    probe: &dyn RadianceProbe, at: &SurfacePoint, n: u32, seed: u64,
 ) -> HemisphereSamples {
     let mut samples = HemisphereSamples::new(Layout::Concentric { n }, Density::Cosine);
     samples.gather(probe, at, 0, &NoDeeper, seed);
@@ -59,9 +56,7 @@ pub fn gathered(
 
 /// Mean over `runs` seeds of what `estimate` makes of n x n samples.
 fn mean(
-    probe: &dyn RadianceProbe,
-    n: u32,
-    runs: u64,
+    probe: &dyn RadianceProbe, n: u32, runs: u64,
     estimate: impl Fn(&HemisphereSamples) -> Derivatives,
 ) -> Golden {
     let (mut g, mut h) = ([0.0; 2], [0.0; 3]);
@@ -170,10 +165,7 @@ fn derivatives_scale_with_length_and_radiance() {
     struct Scaled(f32, f32);
     impl RadianceProbe for Scaled {
         fn incoming(
-            &self,
-            from: &SurfacePoint,
-            level: u8,
-            deeper: &dyn lumicache::gather::Deeper,
+            &self, from: &SurfacePoint, level: u8, deeper: &dyn lumicache::gather::Deeper,
             bundle: &mut lumicache::gather::Bundle,
         ) {
             let from = SurfacePoint { position: from.position / self.0, ..*from };
@@ -236,10 +228,7 @@ fn the_gradient_points_to_the_light() {
     struct Bright(Rectangle);
     impl RadianceProbe for Bright {
         fn incoming(
-            &self,
-            from: &SurfacePoint,
-            _: u8,
-            _: &dyn lumicache::gather::Deeper,
+            &self, from: &SurfacePoint, _: u8, _: &dyn lumicache::gather::Deeper,
             bundle: &mut lumicache::gather::Bundle,
         ) {
             for k in 0..bundle.len() {

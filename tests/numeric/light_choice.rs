@@ -8,11 +8,7 @@ use lumicache::math::{Vec2, Vec3};
 
 /// The probability that a choice falls on each triangle, from the densities towards their centres.
 fn selection(
-    lights: &Lights,
-    p: Vec3,
-    n: Option<Vec3>,
-    triangles: &[[Vec3; 3]],
-    single: &[Lights],
+    lights: &Lights, p: Vec3, n: Option<Vec3>, triangles: &[[Vec3; 3]], single: &[Lights],
 ) -> f64 {
     (0..triangles.len())
         .map(|i| {

@@ -66,10 +66,7 @@ pub fn exact_gradient(basis: &dyn Basis, blocker: Option<Area>) -> [Vec<f64>; 2]
 
 /// Means over seeds of the red coefficients and their gradient.
 fn estimate(
-    probe: &LampAndOccluders,
-    basis: &dyn Basis,
-    layout: Layout,
-    density: Density,
+    probe: &LampAndOccluders, basis: &dyn Basis, layout: Layout, density: Density,
     kind: RadianceGradient,
 ) -> (Vec<f64>, [Vec<f64>; 2]) {
     let mut samples = HemisphereSamples::new(layout, density);

@@ -28,12 +28,7 @@ fn camera_below(parent: Value, own: Value) -> Gltf {
 
 /// Adds an animation of one property of one node.
 fn animate(
-    file: &mut Gltf,
-    node: usize,
-    path: &str,
-    interpolation: &str,
-    times: &[f32],
-    values: &[f32],
+    file: &mut Gltf, node: usize, path: &str, interpolation: &str, times: &[f32], values: &[f32],
 ) {
     let shape = if path == "rotation" { "VEC4" } else { "VEC3" };
     let width = if path == "rotation" { 4 } else { 3 };

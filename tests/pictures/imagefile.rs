@@ -22,10 +22,7 @@ fn noise(n: u32) -> f32 {
 }
 
 fn plane(
-    name: &str,
-    kind: SampleKind,
-    [width, height]: [u32; 2],
-    f: impl Fn(u32, u32) -> f32,
+    name: &str, kind: SampleKind, [width, height]: [u32; 2], f: impl Fn(u32, u32) -> f32,
 ) -> Channel {
     let samples =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();

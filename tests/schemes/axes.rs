@@ -43,10 +43,7 @@ impl<F: Fn(Vec3, Vec3) -> (f32, f32, Vec3) + Sync, G: Fn(Vec3) -> bool + Sync> R
     }
 
     fn lights<'a>(
-        &'a self,
-        _: &SurfacePoint,
-        _: &Bundle,
-        _: LightChoice,
+        &'a self, _: &SurfacePoint, _: &Bundle, _: LightChoice,
     ) -> Option<Box<dyn DirectLight + 'a>> {
         Some(Box::new(Lamp(self.lamp, &self.lit)))
     }

@@ -32,9 +32,7 @@ fn served(frame: &Frame) -> f64 {
 /// Renders gloss by records and by paths; both read the same irradiance records at the ends of
 /// those.
 fn compare_gloss(
-    scene: &Scene,
-    size: [u32; 2],
-    change: impl Fn(&mut Scheme),
+    scene: &Scene, size: [u32; 2], change: impl Fn(&mut Scheme),
 ) -> (Report, Report, f64) {
     let with = |order: u8, spp: u32, seed: u64| {
         let mut settings = Settings { seed, ..cached(scene, "krivanek05", size, spp) };

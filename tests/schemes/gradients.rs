@@ -84,11 +84,7 @@ fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache
 /// RMS relative error of the irradiance that `caches` interpolate along row `y`, against
 /// `reference` rays for each pixel.
 fn interpolation(
-    tracer: PathTracer,
-    size: &Size,
-    caches: &[Cache; 3],
-    y: u32,
-    reference: u32,
+    tracer: PathTracer, size: &Size, caches: &[Cache; 3], y: u32, reference: u32,
 ) -> Errors {
     let probe = SceneProbe::new(tracer);
     let scanline = row(tracer, size.side, y);

@@ -56,11 +56,7 @@ fn the_allowance_for_noise_saves_most_records() {
     struct Certain<P>(P);
     impl<P: RadianceProbe> RadianceProbe for Certain<P> {
         fn incoming(
-            &self,
-            from: &SurfacePoint,
-            level: u8,
-            deeper: &dyn Deeper,
-            bundle: &mut Bundle,
+            &self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle,
         ) {
             self.0.incoming(from, level, deeper, bundle);
             let mean = bundle.radiance.iter().sum::<Color>() / bundle.len() as f32;

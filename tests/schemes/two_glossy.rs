@@ -42,11 +42,7 @@ fn floor(scene: &Scene, x: f32, z: f32) -> SurfacePoint {
 const PLACE: [f32; 2] = [0.45, 0.1];
 
 fn gathered(
-    scene: &Scene,
-    at: &SurfacePoint,
-    n: u32,
-    seed: u64,
-    how: HitChange,
+    scene: &Scene, at: &SurfacePoint, n: u32, seed: u64, how: HitChange,
 ) -> HemisphereSamples {
     // One bounce: what the point light sends to a hit is reflected once, and no sample is noisy.
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: 1 });

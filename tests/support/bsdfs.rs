@@ -195,22 +195,14 @@ pub type Values = [f64; 4];
 /// The integral of `g` over a cell `[t0, t1] x [s0, s1]` of the chart: 3 x 3 Gauss points, refined
 /// until four quarters agree within `tolerance` with the whole, at most `depth` times.
 pub fn integrate(
-    chart: &Chart,
-    cell: [f64; 4],
-    tolerance: f64,
-    depth: u32,
-    g: &impl Fn(Vec3) -> Values,
+    chart: &Chart, cell: [f64; 4], tolerance: f64, depth: u32, g: &impl Fn(Vec3) -> Values,
 ) -> Values {
     let whole = gauss(chart, cell, g);
     refine(chart, cell, whole, tolerance, depth, g)
 }
 
 fn refine(
-    chart: &Chart,
-    [t0, t1, s0, s1]: [f64; 4],
-    whole: Values,
-    tolerance: f64,
-    depth: u32,
+    chart: &Chart, [t0, t1, s0, s1]: [f64; 4], whole: Values, tolerance: f64, depth: u32,
     g: &impl Fn(Vec3) -> Values,
 ) -> Values {
     let (tm, sm) = (0.5 * (t0 + t1), 0.5 * (s0 + s1));

@@ -67,12 +67,7 @@ impl Gltf {
 
     /// Adds an accessor with a view of its own; `more` are further properties.
     pub fn accessor(
-        &mut self,
-        bytes: &[u8],
-        component: u32,
-        shape: &str,
-        count: usize,
-        more: Value,
+        &mut self, bytes: &[u8], component: u32, shape: &str, count: usize, more: Value,
         stride: Option<usize>,
     ) -> usize {
         let view = self.view(bytes, stride);

@@ -24,9 +24,7 @@ pub fn emitter(triangle: usize, radiance: Color, double_sided: bool) -> Emitter 
 }
 
 pub fn build(
-    triangles: &[[Vec3; 3]],
-    double_sided: bool,
-    punctual: Vec<PunctualLight>,
+    triangles: &[[Vec3; 3]], double_sided: bool, punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentMap>,
 ) -> Lights {
     let geometry = geometry(triangles);

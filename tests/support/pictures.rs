@@ -69,10 +69,7 @@ pub fn build(data: SceneData) -> Scene {
 /// The scene's first camera, `width` x `height` pixels, `spp` samples, no bound on paths, the
 /// default preset.
 pub fn settings(
-    scene: &Scene,
-    integrator: IntegratorKind,
-    [width, height]: [u32; 2],
-    spp: u32,
+    scene: &Scene, integrator: IntegratorKind, [width, height]: [u32; 2], spp: u32,
 ) -> Settings {
     Settings {
         integrator,
@@ -185,12 +182,7 @@ pub fn difference(image: &Picture, reference: &Picture) -> Report {
 /// `noise`, the reference's own, is at most `relmse` and the means differ by no more than the share
 /// `mean`.
 pub fn assert_alike(
-    name: &str,
-    image: &Picture,
-    reference: &Picture,
-    noise: f64,
-    relmse: f64,
-    mean: f64,
+    name: &str, image: &Picture, reference: &Picture, noise: f64, relmse: f64, mean: f64,
 ) {
     let report = difference(image, reference);
     let ratio = report.mean_ratio.unwrap();

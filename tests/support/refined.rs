@@ -24,9 +24,7 @@ pub struct Refined {
 
 impl Refined {
     pub fn new(
-        probe: &dyn RadianceProbe,
-        scheme: Scheme,
-        scene_size: f32,
+        probe: &dyn RadianceProbe, scheme: Scheme, scene_size: f32,
         seen: Vec<(SurfacePoint, Appearance)>,
     ) -> Self {
         let mut cache = Cache::new(one_level(scheme), u32::MAX, scene_size);

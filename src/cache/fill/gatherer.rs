@@ -49,12 +49,8 @@ pub(super) struct Gathered<P> {
 
 impl<'a, P: Payload> Gatherer<'a, P> {
     pub fn new(
-        rules: Rules<'a>,
-        probe: &'a dyn RadianceProbe,
-        deeper: Behind<'a>,
-        context: P::Context<'a>,
-        level: u8,
-        seed: u64,
+        rules: Rules<'a>, probe: &'a dyn RadianceProbe, deeper: Behind<'a>,
+        context: P::Context<'a>, level: u8, seed: u64,
     ) -> Self {
         let (rule, final_rule) = (rules.while_filling(level), rules.when_filled(level));
         let seed = hash(&[seed, u64::from(level)]);
@@ -81,10 +77,7 @@ impl<'a, P: Payload> Gatherer<'a, P> {
     /// The record of a gather at `at`, which asks for `order` bands. `others` are the records so
     /// far and their envelope.
     pub fn record(
-        &self,
-        samples: &mut HemisphereSamples,
-        at: &SurfacePoint,
-        order: u8,
+        &self, samples: &mut HemisphereSamples, at: &SurfacePoint, order: u8,
         (others, envelope): (&[Record<P>], &Envelope),
     ) -> Gathered<P> {
         let first =

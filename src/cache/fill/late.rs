@@ -20,10 +20,7 @@ impl Live {
     /// [`Error::Cancelled`], and [`Error::InvalidArgument`] when the cache is frozen; nothing is
     /// added then.
     pub fn fill(
-        &self,
-        probe: &dyn RadianceProbe,
-        mut points: Vec<SurfacePoint>,
-        seed: u64,
+        &self, probe: &dyn RadianceProbe, mut points: Vec<SurfacePoint>, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
         let base = self.snapshot();
@@ -152,11 +149,7 @@ mod tests {
         struct Meddler<'a>(&'a Live);
         impl RadianceProbe for Meddler<'_> {
             fn incoming(
-                &self,
-                from: &SurfacePoint,
-                level: u8,
-                deeper: &dyn Deeper,
-                bundle: &mut Bundle,
+                &self, from: &SurfacePoint, level: u8, deeper: &dyn Deeper, bundle: &mut Bundle,
             ) {
                 Shell.incoming(from, level, deeper, bundle);
                 self.0.replace(self.0.snapshot().cache().clone());

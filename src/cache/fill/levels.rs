@@ -29,12 +29,7 @@ pub trait World: Sync {
     /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
     /// has a radiance cache.
     fn next_points(
-        &self,
-        before: &[SurfacePoint],
-        level: u8,
-        radiance: bool,
-        count: usize,
-        seed: u64,
+        &self, before: &[SurfacePoint], level: u8, radiance: bool, count: usize, seed: u64,
     ) -> Vec<(SurfacePoint, u8)>;
 
     /// How points of the first level look, with their glossy lobes if `radiance` is asked for.
@@ -94,11 +89,7 @@ impl Cache {
     /// What records are wanted at a point of `level` whose glossy lobes ask for `order` bands:
     /// irradiance, or radiance where lobes ask for it or the scheme has radiance on all surfaces.
     pub fn shading_point(
-        &self,
-        level: u8,
-        number: u32,
-        point: SurfacePoint,
-        order: u8,
+        &self, level: u8, number: u32, point: SurfacePoint, order: u8,
     ) -> ShadingPoint {
         let scheme = self.scheme();
         let everywhere = scheme.whole() && level < self.radiance_level_count();
@@ -114,12 +105,8 @@ impl Cache {
     /// # Errors
     /// [`Error::Cancelled`].
     pub fn fill_levels(
-        &mut self,
-        world: &dyn World,
-        points: &[ShadingPoint],
-        plan: &FillPlan,
-        report: &mut FillReport,
-        progress: &Progress,
+        &mut self, world: &dyn World, points: &[ShadingPoint], plan: &FillPlan,
+        report: &mut FillReport, progress: &Progress,
     ) -> Result<Vec<u32>> {
         let mut births = vec![u32::MAX; points.len()];
         let count = self.level_count();
@@ -163,11 +150,7 @@ impl Cache {
 
     /// Points of `level`, from which light reaches `before`.
     fn next_points(
-        &self,
-        world: &dyn World,
-        level: u8,
-        before: &[ShadingPoint],
-        plan: &FillPlan,
+        &self, world: &dyn World, level: u8, before: &[ShadingPoint], plan: &FillPlan,
     ) -> Vec<ShadingPoint> {
         let before: Vec<SurfacePoint> = before.iter().map(|p| p.point).collect();
         let seed = hash(&[plan.seed, stream::DEEPER_POINTS, u64::from(level)]);
@@ -180,14 +163,8 @@ impl Cache {
     /// Fills one cache of one level, and refines the first level where the scheme asks for it.
     #[expect(clippy::too_many_arguments, reason = "the state of one fill")]
     fn fill_level(
-        &mut self,
-        world: &dyn World,
-        (level, radiance): (u8, bool),
-        chosen: &[ShadingPoint],
-        points: &LevelPoints,
-        seed: u64,
-        report: &mut FillReport,
-        progress: &Progress,
+        &mut self, world: &dyn World, (level, radiance): (u8, bool), chosen: &[ShadingPoint],
+        points: &LevelPoints, seed: u64, report: &mut FillReport, progress: &Progress,
     ) -> Result<Vec<u32>> {
         let (probe, reflector) = (world.probe(), world.reflector());
         let stats = if radiance {
@@ -227,11 +204,7 @@ impl Cache {
     /// # Errors
     /// [`Error::Cancelled`]; the level stays as it was then.
     pub fn fill(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        level: u8,
-        points: &LevelPoints,
-        seed: u64,
+        &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
@@ -250,13 +223,8 @@ impl Cache {
     /// # Errors
     /// [`Error::Cancelled`]; the level stays as it was then.
     pub fn fill_radiance(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        reflector: Option<&dyn Reflector>,
-        level: u8,
-        points: &LevelPoints,
-        seed: u64,
-        progress: &Progress,
+        &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
+        points: &LevelPoints, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
@@ -294,13 +262,8 @@ impl Cache {
     /// [`Error::Cancelled`], and the level is empty then; [`Error::InvalidArgument`] if points and
     /// appearances are not of one length or the level is not filled.
     pub fn refine(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        level: u8,
-        points: &LevelPoints,
-        appearances: &Appearances,
-        seed: u64,
-        progress: &Progress,
+        &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints,
+        appearances: &Appearances, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
         let records = self.records(level).to_vec();
         if records.is_empty() && !points.points.is_empty() {
@@ -322,14 +285,8 @@ impl Cache {
     /// Those of [`Cache::refine`].
     #[expect(clippy::too_many_arguments, reason = "those of fill_radiance and the appearances")]
     pub fn refine_radiance(
-        &mut self,
-        probe: &dyn RadianceProbe,
-        reflector: Option<&dyn Reflector>,
-        level: u8,
-        points: &LevelPoints,
-        appearances: &Appearances,
-        seed: u64,
-        progress: &Progress,
+        &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
+        points: &LevelPoints, appearances: &Appearances, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
@@ -341,10 +298,7 @@ impl Cache {
     }
 
     fn radiance_gatherer<'a>(
-        &'a self,
-        probe: &'a dyn RadianceProbe,
-        reflector: Option<&'a dyn Reflector>,
-        level: u8,
+        &'a self, probe: &'a dyn RadianceProbe, reflector: Option<&'a dyn Reflector>, level: u8,
         seed: u64,
     ) -> Option<Gatherer<'a, Harmonics>> {
         let context = Projection { projector: self.projector()?, reflector };
@@ -375,10 +329,7 @@ impl Cache {
 /// What the records `before` and those that `points` need become, and what was done; `None` if no
 /// new one was needed.
 fn extend<P: Payload>(
-    gatherer: Gatherer<P>,
-    before: Vec<Record<P>>,
-    points: &LevelPoints,
-    progress: &Progress,
+    gatherer: Gatherer<P>, before: Vec<Record<P>>, points: &LevelPoints, progress: &Progress,
 ) -> Result<(Option<Store<P>>, FillStats)> {
     let count = before.len();
     let mut filling = Filling::new(gatherer, before);

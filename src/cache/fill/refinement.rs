@@ -67,11 +67,8 @@ struct Convergence<'a, P: Payload> {
 /// [`Error::Cancelled`]; [`Error::InvalidArgument`] if points and appearances are not of one
 /// length.
 pub(super) fn refine<'a, P: Payload>(
-    gatherer: Gatherer<'a, P>,
-    records: Vec<Record<P>>,
-    points: &'a LevelPoints,
-    appearances: &'a Appearances<'a>,
-    progress: &Progress,
+    gatherer: Gatherer<'a, P>, records: Vec<Record<P>>, points: &'a LevelPoints,
+    appearances: &'a Appearances<'a>, progress: &Progress,
 ) -> Result<(Store<P>, FillStats)> {
     if points.points.len() != appearances.of_points.len() {
         let (p, a) = (points.points.len(), appearances.of_points.len());
@@ -86,9 +83,7 @@ pub(super) fn refine<'a, P: Payload>(
 
 impl<'a, P: Payload> Convergence<'a, P> {
     fn new(
-        filling: Filling<'a, P>,
-        points: &'a LevelPoints,
-        appearances: &'a Appearances<'a>,
+        filling: Filling<'a, P>, points: &'a LevelPoints, appearances: &'a Appearances<'a>,
     ) -> Self {
         let gatherer = &filling.gatherer;
         let (count, rules) = (points.points.len(), gatherer.rules);
@@ -273,12 +268,7 @@ impl<P: Payload> View<'_, P> {
 
     /// What a record contributes to point `p`, if it is valid there.
     fn contribution(
-        &self,
-        p: usize,
-        id: u32,
-        record: &Record<P>,
-        changes: u32,
-        scratch: &mut LobeCoefficients,
+        &self, p: usize, id: u32, record: &Record<P>, changes: u32, scratch: &mut LobeCoefficients,
     ) -> Option<Contribution> {
         let error = self.error(p, record)?;
         let appearance = &self.appearances.of_points[p];
@@ -290,11 +280,7 @@ impl<P: Payload> View<'_, P> {
 
     /// The contribution `c` to point `p` as the records are now.
     fn current(
-        &self,
-        p: usize,
-        c: &Contribution,
-        records: &[Record<P>],
-        changes: &[u32],
+        &self, p: usize, c: &Contribution, records: &[Record<P>], changes: &[u32],
     ) -> Option<Contribution> {
         let now = changes[c.record as usize];
         if now == c.changes {

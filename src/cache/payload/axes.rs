@@ -137,10 +137,7 @@ pub struct DirectSamples<'a> {
 impl<'a> DirectSamples<'a> {
     /// Light that `probe` knows of around `at`, where `samples` have been gathered.
     pub fn new(
-        probe: &'a dyn RadianceProbe,
-        at: &SurfacePoint,
-        samples: &HemisphereSamples,
-        seed: u64,
+        probe: &'a dyn RadianceProbe, at: &SurfacePoint, samples: &HemisphereSamples, seed: u64,
     ) -> Option<Self> {
         let bundle = samples.bundle();
         let choice = |samples: u32, number: u64| {
@@ -244,13 +241,8 @@ impl Fit<'_> {
 /// where it cannot err. Here the points tested are always new. A disc keeps its shape: it gets the
 /// shortest of its axes.
 pub(super) fn fit(
-    scheme: &Scheme,
-    rule: &RadiusRule,
-    at: &SurfacePoint,
-    samples: &HemisphereSamples,
-    irradiance: Color,
-    shape: Area,
-    direct: Option<&DirectSamples>,
+    scheme: &Scheme, rule: &RadiusRule, at: &SurfacePoint, samples: &HemisphereSamples,
+    irradiance: Color, shape: Area, direct: Option<&DirectSamples>,
 ) -> (Axes, Area) {
     let mut beside = Vec::new();
     if let Some(direct) = direct {

@@ -55,10 +55,7 @@ impl Irradiance {
     /// The record of the gather `samples` at `at`, valid as far as `rule` says. The record holds
     /// direct light, too, if `direct` says what there is.
     pub fn gathered(
-        scheme: &Scheme,
-        rule: &RadiusRule,
-        at: &SurfacePoint,
-        samples: &HemisphereSamples,
+        scheme: &Scheme, rule: &RadiusRule, at: &SurfacePoint, samples: &HemisphereSamples,
         direct: Option<&DirectSamples>,
     ) -> Record<Self> {
         let irradiance = samples.irradiance();

@@ -47,12 +47,8 @@ pub trait Payload: Clone + Send + Sync {
     /// The record of the gather `samples` at `at`, of which `irradiance` is the part that every
     /// record has. `order` is the number of bands that the point asks for.
     fn estimate(
-        context: Self::Context<'_>,
-        samples: &HemisphereSamples,
-        at: &SurfacePoint,
-        order: u8,
-        irradiance: Record<Irradiance>,
-        rule: &RadiusRule,
+        context: Self::Context<'_>, samples: &HemisphereSamples, at: &SurfacePoint, order: u8,
+        irradiance: Record<Irradiance>, rule: &RadiusRule,
     ) -> Record<Self>;
 
     /// The irradiance.
@@ -67,10 +63,7 @@ pub trait Payload: Clone + Send + Sync {
     /// Published is the error of irradiance for all light [Krivanek06, Sec. 4.3]. A lobe sees few
     /// of the rays: what it sees is several times as uncertain, and refinement would follow noise.
     fn luminance(
-        context: Self::Context<'_>,
-        record: &Record<Self>,
-        seen: &Seen,
-        rule: &RadiusRule,
+        context: Self::Context<'_>, record: &Record<Self>, seen: &Seen, rule: &RadiusRule,
         scratch: &mut LobeCoefficients,
     ) -> Option<(f32, f32)>;
 }
@@ -78,9 +71,7 @@ pub trait Payload: Clone + Send + Sync {
 /// Irradiance that leaves `seen` by the diffuse lobe, if `record` alone is asked: luminance and
 /// standard error; then the irradiance itself and the factor on gradients.
 pub(super) fn diffuse<P: Payload>(
-    record: &Record<P>,
-    seen: &Seen,
-    rule: &RadiusRule,
+    record: &Record<P>, seen: &Seen, rule: &RadiusRule,
 ) -> ((f32, f32), Color, f32) {
     let (_, slope) = rule.radius(record.length, record.footprint);
     let offset = seen.at.position - record.position;
@@ -95,11 +86,7 @@ impl Payload for Irradiance {
     const HOLDS_RADIANCE: bool = false;
 
     fn estimate(
-        (): (),
-        _: &HemisphereSamples,
-        _: &SurfacePoint,
-        _: u8,
-        irradiance: Record<Irradiance>,
+        (): (), _: &HemisphereSamples, _: &SurfacePoint, _: u8, irradiance: Record<Irradiance>,
         _: &RadiusRule,
     ) -> Record<Self> {
         irradiance
@@ -114,11 +101,7 @@ impl Payload for Irradiance {
     }
 
     fn luminance(
-        (): (),
-        record: &Record<Self>,
-        seen: &Seen,
-        rule: &RadiusRule,
-        _: &mut LobeCoefficients,
+        (): (), record: &Record<Self>, seen: &Seen, rule: &RadiusRule, _: &mut LobeCoefficients,
     ) -> Option<(f32, f32)> {
         Some(diffuse(record, seen, rule).0)
     }

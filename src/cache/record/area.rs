@@ -181,10 +181,7 @@ impl Area {
 
     /// `count` points of the boundary around `position`, in order.
     pub fn outline(
-        &self,
-        position: Vec3,
-        normal: Vec3,
-        count: usize,
+        &self, position: Vec3, normal: Vec3, count: usize,
     ) -> impl Iterator<Item = Vec3> {
         let (area, s) = (*self, self.axis(normal));
         let t = normal.cross(s);

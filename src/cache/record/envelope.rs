@@ -96,13 +96,7 @@ impl Envelope {
     }
 
     fn search(
-        &self,
-        x: Vec3,
-        node: usize,
-        first: usize,
-        last: usize,
-        depth: u32,
-        best: &mut [Nearest; 2],
+        &self, x: Vec3, node: usize, first: usize, last: usize, depth: u32, best: &mut [Nearest; 2],
     ) {
         if self.lower_bound(x, node) >= best[1].value {
             return;

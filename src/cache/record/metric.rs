@@ -45,10 +45,7 @@ pub(in crate::cache) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples
 
 /// The lengths R_i of the record of `samples`: its radii where the allowed error is 1.
 pub(in crate::cache) fn shape(
-    scheme: &Scheme,
-    samples: &HemisphereSamples,
-    irradiance: Color,
-    derivatives: &Derivatives,
+    scheme: &Scheme, samples: &HemisphereSamples, irradiance: Color, derivatives: &Derivatives,
     scene_size: f32,
 ) -> Area {
     let disc = |r| Area::Disc { r };

@@ -78,8 +78,7 @@ impl<P> Record<P> {
 
 /// Bounds the lengths of all records by those of the others, `envelope` being made of all of them.
 pub(in crate::cache) fn clamp_to_neighbours<P: Send>(
-    records: &mut [Record<P>],
-    envelope: &Envelope,
+    records: &mut [Record<P>], envelope: &Envelope,
 ) {
     records.par_iter_mut().enumerate().for_each(|(id, r)| {
         // The lowest value of another record: a record's own length does not bound its other axes.

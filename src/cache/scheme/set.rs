@@ -111,8 +111,7 @@ fn build(settings: &Map<String, Value>) -> std::result::Result<Scheme, String> {
 
 /// The scheme that `base` becomes by `changes`; without a base they must be all that a scheme has.
 pub(super) fn changed(
-    base: Option<&Scheme>,
-    changes: &[Change],
+    base: Option<&Scheme>, changes: &[Change],
 ) -> std::result::Result<Scheme, Problem> {
     let mut chosen = base.map(Scheme::settings).unwrap_or_default();
     for (at, (name, value)) in changes.iter().enumerate() {
@@ -192,8 +191,7 @@ impl Scheme {
     /// [`Error::InvalidArgument`] naming the setting and what it takes, also for one that has no
     /// effect; the scheme is unchanged then.
     pub fn set_all<K: AsRef<str>, V: AsRef<str>>(
-        &mut self,
-        pairs: impl IntoIterator<Item = (K, V)>,
+        &mut self, pairs: impl IntoIterator<Item = (K, V)>,
     ) -> Result<()> {
         let changes: Vec<Change> = pairs
             .into_iter()
@@ -238,8 +236,7 @@ pub(super) mod optional {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     pub fn serialize<T: Serialize, S: Serializer>(
-        group: &Option<T>,
-        serializer: S,
+        group: &Option<T>, serializer: S,
     ) -> Result<S::Ok, S::Error> {
         match group {
             Some(group) => group.serialize(serializer),

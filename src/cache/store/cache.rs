@@ -140,11 +140,7 @@ impl Cache {
     /// The same from the radiance cache, with the radiance that leaves by `lobe`: see
     /// [`Store::lookup_lobe`].
     pub fn lookup_lobe(
-        &self,
-        level: u8,
-        at: &SurfacePoint,
-        limit: u32,
-        lobe: &mut LobeCoefficients,
+        &self, level: u8, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients,
     ) -> Option<Answer> {
         self.level(level)?.radiance()?.lookup_lobe(self.projector()?, at, limit, lobe)
     }
@@ -210,10 +206,7 @@ impl Deeper for Behind<'_> {
     }
 
     fn radiance(
-        &self,
-        level: u8,
-        at: &SurfacePoint,
-        lobe: &mut LobeCoefficients,
+        &self, level: u8, at: &SurfacePoint, lobe: &mut LobeCoefficients,
     ) -> Option<(Color, Color)> {
         let projector = self.cache.projector()?;
         let found = self

@@ -45,10 +45,7 @@ impl Origin {
     /// The origin of records made under `scheme` in the scene with these hashes and this diagonal;
     /// `u32::MAX` bounces are no bound.
     pub fn new(
-        scene: BTreeMap<String, String>,
-        scheme: &Scheme,
-        max_bounces: u32,
-        scene_size: f32,
+        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, scene_size: f32,
     ) -> Self {
         Self {
             scene,
@@ -148,11 +145,7 @@ impl CacheFile {
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
     pub fn into_cache(
-        self,
-        scheme: Scheme,
-        origin: &Origin,
-        reuse: bool,
-        path: &Path,
+        self, scheme: Scheme, origin: &Origin, reuse: bool, path: &Path,
     ) -> Result<Cache> {
         if let Some(difference) = self.origin.difference(origin).filter(|_| !reuse) {
             let what = format!("the cache was {difference}; make it anew, or ask for its reuse");

@@ -116,10 +116,7 @@ pub struct Answer {
 impl Index {
     /// Indexes `records`; a record's number in the slice is its id.
     pub fn build<P: Payload>(
-        records: &[Record<P>],
-        rule: RadiusRule,
-        weight: Weight,
-        tolerance: f32,
+        records: &[Record<P>], rule: RadiusRule, weight: Weight, tolerance: f32,
     ) -> Self {
         let mut extrapolants = Vec::with_capacity(records.len());
         let mut all = Vec::with_capacity(records.len());
@@ -345,10 +342,7 @@ impl Index {
     /// where no record takes part.
     #[inline]
     pub(in crate::cache) fn lookup(
-        &self,
-        at: &SurfacePoint,
-        limit: u32,
-        mut takes_part: impl FnMut(&Valid) -> bool,
+        &self, at: &SurfacePoint, limit: u32, mut takes_part: impl FnMut(&Valid) -> bool,
     ) -> Option<Answer> {
         let (mut sum, mut weights, mut errors, mut shares, mut records) =
             (Color::ZERO, 0.0, 0.0, 0.0, 0);

@@ -113,11 +113,7 @@ impl Store<Harmonics> {
     /// record is clamped by itself. A tilted record is scaled so that its irradiance is what the
     /// rotational gradient predicts. `None` where no record is valid.
     pub fn lookup_lobe(
-        &self,
-        projector: &Projector,
-        at: &SurfacePoint,
-        limit: u32,
-        lobe: &mut LobeCoefficients,
+        &self, projector: &Projector, at: &SurfacePoint, limit: u32, lobe: &mut LobeCoefficients,
     ) -> Option<Answer> {
         let mut glossy = Color::ZERO;
         projector.prepare(at, lobe);
@@ -136,9 +132,7 @@ impl Store<Harmonics> {
     /// As [`Store::lookup_lobe`], from the hits that the records keep:
     /// `reflect(hit, direction, solid angle)` is what the surface at `at` makes of one of them.
     pub fn lookup_hits(
-        &self,
-        at: &SurfacePoint,
-        limit: u32,
+        &self, at: &SurfacePoint, limit: u32,
         mut reflect: impl FnMut(&StoredHit, Vec3, f32) -> Color,
     ) -> Option<Answer> {
         let mut glossy = Color::ZERO;

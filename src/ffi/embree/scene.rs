@@ -97,10 +97,7 @@ impl SceneBuilder {
 
     /// A new buffer of `count` items of type `T` inside Embree, filled from `items`.
     fn fill<T: Copy>(
-        &self,
-        geometry: &GeometryHandle,
-        kind: raw::RTCBufferType,
-        format: raw::RTCFormat,
+        &self, geometry: &GeometryHandle, kind: raw::RTCBufferType, format: raw::RTCFormat,
         items: impl ExactSizeIterator<Item = T>,
     ) -> Result<()> {
         let count = items.len();
@@ -128,9 +125,7 @@ impl SceneBuilder {
     /// `Error::InvalidArgument` if an index is beyond the positions; `Error::OutOfMemory`;
     /// `Error::Device` when `id` is taken.
     pub fn add_triangles(
-        &mut self,
-        id: u32,
-        positions: impl ExactSizeIterator<Item = [f32; 3]>,
+        &mut self, id: u32, positions: impl ExactSizeIterator<Item = [f32; 3]>,
         indices: &[[u32; 3]],
     ) -> Result<()> {
         let vertices = positions.len();
@@ -157,10 +152,7 @@ impl SceneBuilder {
     /// # Errors
     /// `Error::OutOfMemory`; `Error::Device` when `id` is taken.
     pub fn add_instance(
-        &mut self,
-        id: u32,
-        scene: &Arc<Scene>,
-        to_world: &[f32; 12],
+        &mut self, id: u32, scene: &Arc<Scene>, to_world: &[f32; 12],
     ) -> Result<()> {
         let geometry = self.new_geometry(raw::RTC_GEOMETRY_TYPE_INSTANCE)?;
         // SAFETY: geometry and scene are valid, the matrix has the 12 floats that the format

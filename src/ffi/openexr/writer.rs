@@ -26,9 +26,7 @@ thread_local! {
 /// # Safety
 /// `message` is null or a C string, which the C core guarantees.
 unsafe extern "C" fn keep_message(
-    _: raw::exr_const_context_t,
-    _: raw::exr_result_t,
-    message: *const c_char,
+    _: raw::exr_const_context_t, _: raw::exr_result_t, message: *const c_char,
 ) {
     if !message.is_null() {
         // SAFETY: by contract a C string that lives for this call.
@@ -83,10 +81,7 @@ impl Writer {
     /// # Errors
     /// The C core's message, when the file cannot be opened or a window is empty.
     pub fn create(
-        path: &Path,
-        data_window: Window,
-        display_window: Window,
-        zip_level: u8,
+        path: &Path, data_window: Window, display_window: Window, zip_level: u8,
     ) -> Result<Self> {
         use std::os::unix::ffi::OsStrExt;
         if data_window.size().is_none() || display_window.size().is_none() {
@@ -208,8 +203,7 @@ impl Writer {
     /// Calls `set` with the context, which is live and in its header stage, the part, and `name` as
     /// a C string, which is copied.
     fn set(
-        &mut self,
-        name: &str,
+        &mut self, name: &str,
         set: impl FnOnce(raw::exr_context_t, c_int, *const c_char) -> raw::exr_result_t,
     ) -> Result<()> {
         let name = c_string(name)?;

@@ -39,9 +39,7 @@ impl HemisphereSamples {
     /// [`RadianceGradient::Triangulated`] on another than the concentric one; schemes are checked
     /// for it when they are made.
     pub fn radiance_gradient(
-        &self,
-        basis: &dyn Basis,
-        kind: RadianceGradient,
+        &self, basis: &dyn Basis, kind: RadianceGradient,
     ) -> [Coefficients; 2] {
         match kind {
             RadianceGradient::None => std::array::from_fn(|_| vec![0.0; 3 * basis.count()]),
@@ -206,11 +204,7 @@ fn accumulate(sums: &mut [f32], zonal: &[f32], weight: Color) {
 /// Adds sums over zonal factors, times the trigonometric factors at azimuth `phi`, along
 /// `direction`.
 fn spread(
-    basis: &dyn Basis,
-    sums: &[f32],
-    phi: f32,
-    direction: Vec2,
-    gradient: &mut [Coefficients; 2],
+    basis: &dyn Basis, sums: &[f32], phi: f32, direction: Vec2, gradient: &mut [Coefficients; 2],
 ) {
     let (width, count) = (sums.len() / 3, basis.count());
     for m in 0..basis.order() {

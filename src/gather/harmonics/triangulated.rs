@@ -62,10 +62,7 @@ impl HemisphereSamples {
     /// # Panics
     /// On another layout than the concentric one; schemes are checked for it when they are made.
     pub fn radiance_derivatives(
-        &self,
-        basis: &Sh,
-        rule: TriangleRadiance,
-        hessians: bool,
+        &self, basis: &Sh, rule: TriangleRadiance, hessians: bool,
     ) -> RadianceDerivatives {
         let mesh = Mesh::new(self, &self.bundle.radiance, rule);
         let mut weights = vec![Weights::default(); mesh.vertices.len()];
@@ -128,9 +125,7 @@ const BLOCK: usize = 4;
 type Block = [Lane; BLOCK];
 
 fn project<'a>(
-    basis: &Sh,
-    vertices: impl Iterator<Item = (Vec3, &'a Weights)>,
-    hessians: bool,
+    basis: &Sh, vertices: impl Iterator<Item = (Vec3, &'a Weights)>, hessians: bool,
 ) -> RadianceDerivatives {
     let count = basis.count();
     let vertices: Vec<(Vec3, &Weights)> = vertices.collect();

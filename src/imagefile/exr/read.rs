@@ -122,8 +122,7 @@ fn check(headers: &[Header], file_bytes: u64) -> std::result::Result<(), String>
 }
 
 fn channels_of(
-    layer: Layer<AnyChannels<FlatSamples>>,
-    prefix: bool,
+    layer: Layer<AnyChannels<FlatSamples>>, prefix: bool,
 ) -> impl Iterator<Item = Channel> {
     let part = layer
         .attributes

@@ -55,8 +55,7 @@ impl IesProfile {
     /// # Errors
     /// What is wrong and in which line.
     pub fn parse(
-        bytes: &[u8],
-        tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+        bytes: &[u8], tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
     ) -> Result<Self, IesFault> {
         parse::parse(bytes, tilt_file).map(Self::new)
     }

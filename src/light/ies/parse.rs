@@ -174,8 +174,7 @@ fn lines(text: &str) -> Vec<&str> {
 
 /// Reads a file; `tilt_file` gets the bytes of the file that TILT may name, or says why it cannot.
 pub(super) fn parse(
-    bytes: &[u8],
-    tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+    bytes: &[u8], tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Parsed<Content> {
     let text = String::from_utf8_lossy(bytes);
     let lines = lines(&text);
@@ -255,8 +254,7 @@ pub(super) fn parse(
 }
 
 fn external_tilt(
-    name: &str,
-    tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+    name: &str, tilt_file: &dyn Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Vec<(f64, f64)>, String> {
     let bytes = tilt_file(name)?;
     let text = String::from_utf8_lossy(&bytes);
@@ -269,9 +267,7 @@ fn external_tilt(
 
 /// The vertical and the horizontal angles.
 fn angles(
-    numbers: &mut Numbers,
-    photometry: Photometry,
-    counts: [usize; 2],
+    numbers: &mut Numbers, photometry: Photometry, counts: [usize; 2],
 ) -> Parsed<(Vec<f64>, Vec<f64>)> {
     if photometry != Photometry::C {
         let vertical = numbers.angles(counts[0], "vertical angle", -90.0, 90.0)?;

@@ -123,11 +123,7 @@ impl GlossyTables {
     /// three runs of as many numbers as the basis has functions, and returns the number of bands
     /// that were written; `None` as in [`GlossyTables::record_order`].
     pub fn project(
-        &self,
-        material: u32,
-        bsdf: &Bsdf,
-        wo: Vec3,
-        out: &mut Vec<f32>,
+        &self, material: u32, bsdf: &Bsdf, wo: Vec3, out: &mut Vec<f32>,
     ) -> Option<usize> {
         let terms = self.terms(material, bsdf, wo)?;
         let needed = self.order_of(&terms, wo)?;
@@ -240,10 +236,7 @@ impl GlossyTables {
 /// The table of one of the papers' BRDFs without its diffuse part and, where it is only a factor,
 /// without its specular albedo.
 fn native_table(
-    brdf: NativeBrdf,
-    settings: &TableSettings,
-    basis: &dyn Basis,
-    store: &TableStore,
+    brdf: NativeBrdf, settings: &TableSettings, basis: &dyn Basis, store: &TableStore,
 ) -> Option<Entry> {
     let brdf = brdf.sanitized();
     if !brdf.has_glossy() || brdf.sharpest() < MIN_ALPHA {

@@ -46,9 +46,7 @@ impl BrdfMatrix {
     /// all lobes for `wo`, whose azimuth is 0, to `out`, three runs of as many numbers as the basis
     /// has functions.
     pub fn build(
-        kind: BasisKind,
-        basis: &dyn Basis,
-        mut lobe: impl FnMut(Vec3, &mut [f32]),
+        kind: BasisKind, basis: &dyn Basis, mut lobe: impl FnMut(Vec3, &mut [f32]),
     ) -> Self {
         let (order, count) = (basis.order(), basis.count());
         let mut sums = vec![0f64; 3 * size(order)];

@@ -34,10 +34,7 @@ pub(super) struct Link {
 impl Bidirectional<'_> {
     /// Adds up all ways to join the walks.
     pub(super) fn connect(
-        &self,
-        sample: &CameraSample,
-        work: &mut Workspace,
-        radiance: &mut Radiance,
+        &self, sample: &CameraSample, work: &mut Workspace, radiance: &mut Radiance,
         splats: &mut Vec<Splat>,
     ) {
         let seed = sample.alpha_seed();
@@ -339,11 +336,7 @@ impl Bidirectional<'_> {
     /// What `brought` becomes at the last of `t` camera vertices and on the way to the camera;
     /// `None` for nothing.
     fn parts(
-        &self,
-        work: &Workspace,
-        t: usize,
-        scattering: &Scattering,
-        brought: Color,
+        &self, work: &Workspace, t: usize, scattering: &Scattering, brought: Color,
     ) -> Option<Reflected> {
         let carried = work.seen.vertices[t - 2].vertex.beta;
         let light = if t == 2 {

@@ -68,12 +68,7 @@ impl<'a> LightPaths<'a> {
     /// The weight of a ray with the density `pdf` per steradian, of all `rays` together, that met a
     /// surface with this BSDF at `distance` under the cosine `cos`.
     pub fn weight_of_ray(
-        &self,
-        bundle: &Bundle,
-        bsdf: &Bsdf,
-        pdf: f32,
-        cos: f32,
-        distance: f32,
+        &self, bundle: &Bundle, bsdf: &Bsdf, pdf: f32, cos: f32, distance: f32,
     ) -> f32 {
         if !joinable(bsdf) || cos < GRAZING {
             return 1.0;

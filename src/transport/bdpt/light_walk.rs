@@ -30,10 +30,7 @@ pub(super) trait Follower {
 /// Walk number `number` of those of `seed` from a light of `emission`, over at most `most`
 /// vertices.
 pub(super) fn walk_from_light(
-    tracer: &PathTracer,
-    emission: &EmissionSampler,
-    (seed, number): (u64, u32),
-    most: usize,
+    tracer: &PathTracer, emission: &EmissionSampler, (seed, number): (u64, u32), most: usize,
     follower: &mut impl Follower,
 ) {
     let scene = tracer.scene;

@@ -78,10 +78,7 @@ impl<'a> Bidirectional<'a> {
     }
 
     fn shade_one(
-        &self,
-        sample: &CameraSample,
-        work: &mut Workspace,
-        splats: &mut Vec<Splat>,
+        &self, sample: &CameraSample, work: &mut Workspace, splats: &mut Vec<Splat>,
     ) -> Shaded {
         let mut out = Shaded::default();
         self.walk_from_camera(sample, &mut work.seen, &mut out);

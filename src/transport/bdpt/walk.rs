@@ -49,10 +49,7 @@ impl Bidirectional<'_> {
 
     /// Walks from the camera; notes the first surface in `out`.
     pub(super) fn walk_from_camera(
-        &self,
-        sample: &CameraSample,
-        path: &mut CameraPath,
-        out: &mut Shaded,
+        &self, sample: &CameraSample, path: &mut CameraPath, out: &mut Shaded,
     ) {
         path.vertices.clear();
         path.escaped = None;

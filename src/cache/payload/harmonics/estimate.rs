@@ -14,12 +14,8 @@ impl Payload for Harmonics {
     const HOLDS_RADIANCE: bool = true;
 
     fn estimate(
-        context: Projection,
-        samples: &HemisphereSamples,
-        at: &SurfacePoint,
-        order: u8,
-        irradiance: Record<Irradiance>,
-        rule: &RadiusRule,
+        context: Projection, samples: &HemisphereSamples, at: &SurfacePoint, order: u8,
+        irradiance: Record<Irradiance>, rule: &RadiusRule,
     ) -> Record<Self> {
         context.project(samples, at, order, irradiance, rule)
     }
@@ -33,11 +29,8 @@ impl Payload for Harmonics {
     }
 
     fn luminance(
-        Projection { projector, .. }: Projection,
-        record: &Record<Self>,
-        seen: &Seen,
-        rule: &RadiusRule,
-        scratch: &mut LobeCoefficients,
+        Projection { projector, .. }: Projection, record: &Record<Self>, seen: &Seen,
+        rule: &RadiusRule, scratch: &mut LobeCoefficients,
     ) -> Option<(f32, f32)> {
         let (diffuse, irradiance, slope) = diffuse(record, seen, rule);
         if !seen.lobes.is_some_and(|lobes| lobes(seen.number, scratch)) {

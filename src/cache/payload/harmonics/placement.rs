@@ -44,10 +44,7 @@ pub(super) struct Response {
 impl Response {
     /// What `placement` takes the error of, `self` being incident radiance at `at`.
     pub fn placed(
-        self,
-        placement: Placement,
-        reflector: Option<&dyn Reflector>,
-        at: &SurfacePoint,
+        self, placement: Placement, reflector: Option<&dyn Reflector>, at: &SurfacePoint,
     ) -> Self {
         let reflected = match (placement, reflector) {
             (Placement::Outgoing, Some(r)) => r.matrix(at).map(|m| self.map(|v| m.apply(v))),
@@ -140,12 +137,8 @@ impl Surroundings {
 /// The lengths R_i of a record: its radii where the allowed error is 1. `scale` is what takes
 /// lengths to radii, for the bound on the gradient.
 pub(super) fn shape(
-    scheme: &Scheme,
-    response: &Response,
-    surroundings: &Surroundings,
-    frame: &Frame,
-    scene_size: f32,
-    scale: f32,
+    scheme: &Scheme, response: &Response, surroundings: &Surroundings, frame: &Frame,
+    scene_size: f32, scale: f32,
 ) -> Area {
     let norm = response.norm().max(FLOOR * surroundings.incident);
     let inverse = if norm > 0.0 { 1.0 / norm } else { 0.0 };

@@ -65,12 +65,8 @@ impl Projection<'_> {
     /// The record of `order` bands of the gather `samples` at `at`. `record` is made of the same
     /// gather and is given another area.
     pub(super) fn project(
-        &self,
-        samples: &HemisphereSamples,
-        at: &SurfacePoint,
-        order: u8,
-        mut record: Record<Irradiance>,
-        rule: &RadiusRule,
+        &self, samples: &HemisphereSamples, at: &SurfacePoint, order: u8,
+        mut record: Record<Irradiance>, rule: &RadiusRule,
     ) -> Record<Harmonics> {
         let (projector, scheme) = (self.projector, &self.projector.scheme);
         let order = usize::from(order).clamp(1, projector.bases.len());
@@ -128,10 +124,7 @@ impl Projection<'_> {
 
     /// Gives `record` the area that follows from what it holds, seen from `wo`.
     pub(in crate::cache) fn place(
-        &self,
-        record: &mut Record<Harmonics>,
-        wo: Vec3,
-        rule: &RadiusRule,
+        &self, record: &mut Record<Harmonics>, wo: Vec3, rule: &RadiusRule,
     ) {
         record.payload.wo = wo;
         let Some(surroundings) = record.payload.surroundings else { return };
@@ -143,13 +136,8 @@ impl Projection<'_> {
     }
 
     fn reshape<P>(
-        &self,
-        record: &mut Record<P>,
-        incident: Response,
-        surroundings: &Surroundings,
-        frame: &Frame,
-        at: &SurfacePoint,
-        rule: &RadiusRule,
+        &self, record: &mut Record<P>, incident: Response, surroundings: &Surroundings,
+        frame: &Frame, at: &SurfacePoint, rule: &RadiusRule,
     ) {
         let (scheme, size) = (&self.projector.scheme, self.projector.scene_size);
         let response = incident.placed(scheme.glossy().metric.placement(), self.reflector, at);
@@ -246,11 +234,7 @@ impl Projector {
     /// is what the gradient is multiplied with; `irradiance` is what the record's irradiance
     /// predicts at the point.
     pub(in crate::cache) fn leaving(
-        &self,
-        record: &Harmonics,
-        at: &SurfacePoint,
-        offset: Vec3,
-        irradiance: Color,
+        &self, record: &Harmonics, at: &SurfacePoint, offset: Vec3, irradiance: Color,
         lobe: &mut LobeCoefficients,
     ) -> Color {
         let turned = self.aim(record, at, lobe);
@@ -259,11 +243,7 @@ impl Projector {
 
     /// As [`Projector::leaving`], with the standard error of its luminance.
     pub(super) fn leaving_with_error(
-        &self,
-        record: &Harmonics,
-        at: &SurfacePoint,
-        offset: Vec3,
-        irradiance: Color,
+        &self, record: &Harmonics, at: &SurfacePoint, offset: Vec3, irradiance: Color,
         lobe: &mut LobeCoefficients,
     ) -> (Color, f32) {
         let turned = self.aim(record, at, lobe);
@@ -285,11 +265,7 @@ impl Projector {
     }
 
     fn reflect(
-        &self,
-        record: &Harmonics,
-        offset: Vec3,
-        irradiance: Color,
-        lobe: &LobeCoefficients,
+        &self, record: &Harmonics, offset: Vec3, irradiance: Color, lobe: &LobeCoefficients,
         turned: bool,
     ) -> Color {
         let most = self.vectors_used();
