@@ -3,6 +3,8 @@
 
 use crate::geometry::TriangleMesh;
 use crate::math::{Frame, Vec2, Vec3, Vec4};
+use bevy_mikktspace::TangentSpace;
+use std::collections::HashMap;
 
 /// Makes normals and tangents unit; a normal that has no direction gets that of the triangles
 /// around it. Returns how many had none.
@@ -47,82 +49,83 @@ fn unit(v: Vec3) -> Option<Vec3> {
 /// Tangents along the rising first coordinate of a texture, as a normal map needs them:
 /// `coordinates` maps the mesh's set `uv_set` to the place in the image.
 ///
-/// Each corner's tangent is weighted by the angle there and summed over the triangles around a
-/// vertex. A vertex between triangles whose textures run left-handed and right-handed is split into
-/// two; a mesh without normals is split into separate triangles.
+/// They are those of MikkTSpace, as the specification asks [glTF20, 3.7.2.1]. A vertex whose
+/// corners have different ones is split; a mesh without normals is split into separate triangles.
 pub(super) fn generate_tangents(
     mesh: &mut TriangleMesh, uv_set: usize, coordinates: impl Fn(Vec2) -> Vec2,
 ) {
-    if mesh.uv[uv_set].is_none() {
-        return;
-    }
-    if mesh.normals.is_none() {
-        let corners: Vec<u32> = mesh.indices.as_flattened().to_vec();
-        select(mesh, &corners);
-        mesh.indices =
-            (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    }
     let Some(uv) = &mesh.uv[uv_set] else { return };
-    let uv: Vec<Vec2> = uv.iter().map(|t| coordinates(*t)).collect();
-    // Left-handed triangles use a vertex's twin.
-    let count = mesh.positions.len();
-    let mut sums = vec![Vec3::ZERO; 2 * count];
-    let mut used = vec![false; 2 * count];
-    let mut handed = Vec::with_capacity(mesh.indices.len());
-    for triangle in &mesh.indices {
-        let [a, b, c] = triangle.map(|i| i as usize);
-        let p = [a, b, c].map(|i| mesh.positions[i]);
-        let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
-        let (t1, t2) = (uv[b] - uv[a], uv[c] - uv[a]);
-        let area = t1.perp_dot(t2);
-        // The bitangent points up in the image, against the second coordinate.
-        let twin = if area > 0.0 { count } else { 0 };
-        let tangent = unit((e1 * t2.y - e2 * t1.y) * area.signum()).unwrap_or(Vec3::ZERO);
-        handed.push(twin);
-        for (k, i) in [a, b, c].into_iter().enumerate() {
-            let (to_next, to_last) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-            let normal = mesh.normals.as_ref().map_or_else(|| e1.cross(e2), |n| n[i]);
-            let normal = unit(normal).unwrap_or(Vec3::Y);
-            let flat = tangent - normal * normal.dot(tangent);
-            let angle = to_next.angle_between(to_last);
-            if let Some(flat) = unit(flat).filter(|_| angle.is_finite()) {
-                sums[i + twin] += flat * angle;
-            }
-            used[i + twin] = true;
+    let uv = uv.iter().map(|t| coordinates(*t)).collect();
+    let mut corners = Corners { mesh, uv, tangents: vec![None; 3 * mesh.indices.len()] };
+    // There is no error that it could return.
+    let _ = bevy_mikktspace::generate_tangents(&mut corners);
+    let made = corners.tangents;
+    let mut places: HashMap<(u32, [u32; 4]), u32> = HashMap::new();
+    let (mut source, mut tangents) = (Vec::new(), Vec::new());
+    let flat = mesh.normals.is_none();
+    for (corner, made) in mesh.indices.to_mut().as_flattened_mut().iter_mut().zip(made) {
+        let axis = made.and_then(|t| unit(t.truncate()));
+        let fallback =
+            || mesh.normals.as_ref().map_or(Vec3::X, |n| Frame::from_normal(n[*corner as usize]).s);
+        let tangent = axis.unwrap_or_else(fallback).extend(made.map_or(1.0, |t| t.w));
+        let new = source.len() as u32;
+        let place = match flat {
+            true => new,
+            false => *places.entry((*corner, tangent.to_array().map(f32::to_bits))).or_insert(new),
+        };
+        if place == new {
+            source.push(*corner);
+            tangents.push(tangent);
         }
+        *corner = place;
     }
-    // Split what both kinds use.
-    let mut source: Vec<u32> = (0..count as u32).collect();
-    let mut place: Vec<u32> = (0..count as u32).chain(0..count as u32).collect();
-    let mut sign = vec![1.0; count];
-    let mut tangents: Vec<Vec3> = sums[..count].to_vec();
-    for i in 0..count {
-        match (used[i], used[i + count]) {
-            (false, true) => {
-                sign[i] = -1.0;
-                tangents[i] = sums[i + count];
-            }
-            (true, true) => {
-                place[i + count] = source.len() as u32;
-                source.push(i as u32);
-                sign.push(-1.0);
-                tangents.push(sums[i + count]);
-            }
-            _ => {}
+    select(mesh, &source);
+    mesh.tangents = Some(tangents);
+}
+
+/// The corners of a mesh's triangles as MikkTSpace wants to see them.
+struct Corners<'m> {
+    mesh: &'m TriangleMesh,
+    uv: Vec<Vec2>,
+    tangents: Vec<Option<Vec4>>,
+}
+
+impl Corners<'_> {
+    fn vertex(&self, face: usize, corner: usize) -> usize {
+        self.mesh.indices[face][corner] as usize
+    }
+}
+
+impl bevy_mikktspace::Geometry for Corners<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.indices.len()
+    }
+
+    fn num_vertices_of_face(&self, _: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, corner: usize) -> [f32; 3] {
+        self.mesh.positions[self.vertex(face, corner)].to_array()
+    }
+
+    fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
+        if let Some(normals) = &self.mesh.normals {
+            return normals[self.vertex(face, corner)].to_array();
         }
+        let [a, b, c] = self.mesh.indices[face].map(|i| self.mesh.positions[i as usize]);
+        unit((b - a).cross(c - a)).unwrap_or(Vec3::Y).to_array()
     }
-    if source.len() > count {
-        select(mesh, &source);
+
+    /// The bitangent points up in the image, against the second coordinate.
+    fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
+        let uv = self.uv[self.vertex(face, corner)];
+        [uv.x, -uv.y]
     }
-    for (triangle, twin) in mesh.indices.iter_mut().zip(handed) {
-        *triangle = triangle.map(|i| place[i as usize + twin]);
+
+    fn set_tangent(&mut self, made: Option<TangentSpace>, face: usize, corner: usize) {
+        self.tangents[3 * face + corner] = made.map(|t| Vec4::from_array(t.tangent_encoded()));
     }
-    let fallback = |i: usize| mesh.normals.as_ref().map_or(Vec3::X, |n| Frame::from_normal(n[i]).s);
-    let tangents = tangents
-        .iter()
-        .enumerate()
-        .map(|(i, t)| unit(*t).unwrap_or_else(|| fallback(i)).extend(sign[i]));
-    mesh.tangents = Some(tangents.collect::<Vec<Vec4>>());
 }
 
 /// Replaces the vertices by those at the places `source`; indices stay as they are.
