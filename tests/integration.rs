@@ -80,6 +80,24 @@ mod import {
     mod scenes; // our own scenes
 }
 
+/// Situations in which users of other renderers lost light, and their right values.
+mod cases {
+    mod adaptive_sampling; // pixels whose first samples found nothing
+    mod bounces; // small bright spots light a room
+    mod emitters; // textured lamps, lamps cut by alpha, narrow spots
+    mod glass; // lights behind panes
+    mod lenient; // files that other programs read
+    mod places; // far from the origin, tiny, huge, in the middle of a desert
+    mod view; // flattened objects, clipping planes, bright pixels
+}
+
+/// What no input and no weather may break.
+mod weather {
+    mod inputs; // files that ask for memory, work or other files
+    mod outputs; // disks, devices, signals
+    mod soak; // a process that does not grow
+}
+
 mod capi; // the C library as C calls it, its header, its installation
 
 /// The program and the project.

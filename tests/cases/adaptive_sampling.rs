@@ -1,0 +1,1 @@
+//! Pixels whose first samples found nothing.

@@ -1,0 +1,1 @@
+//! Small bright spots that light a room.

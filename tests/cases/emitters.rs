@@ -1,0 +1,1 @@
+//! Textured lamps, lamps cut by alpha, narrow spots.

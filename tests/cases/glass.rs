@@ -1,0 +1,1 @@
+//! Lights behind panes.

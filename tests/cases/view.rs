@@ -1,0 +1,1 @@
+//! Flattened objects, clipping planes, bright pixels.

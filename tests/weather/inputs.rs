@@ -1,0 +1,1 @@
+//! Files that ask for memory, work or other files.

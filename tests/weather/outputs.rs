@@ -1,0 +1,1 @@
+//! Disks, devices and signals.
