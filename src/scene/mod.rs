@@ -2,7 +2,7 @@
 
 mod world;
 
-pub use world::Scene;
+pub use world::{Scene, gap};
 
 use crate::camera::{Camera, Motion};
 use crate::geometry::Geometry;
