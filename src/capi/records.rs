@@ -13,12 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 impl CacheObject {
     fn origin(&self) -> Outcome<Origin> {
         let (settings, committed) = (self.settings(), self.scene.committed()?);
-        Ok(Origin::new(
-            committed.hashes.clone(),
-            &settings.scheme,
-            settings.max_bounces,
-            committed.size(),
-        ))
+        Ok(Origin::new(committed.hashes.clone(), &settings.scheme, settings.max_bounces))
     }
 
     fn save(&self, path: &Path) -> Outcome {

@@ -35,7 +35,7 @@ fn info(path: &Path, as_json: bool) -> Result<()> {
     for (part, hash) in &origin.scene {
         text += &format!("  {part:<12} {hash}\n");
     }
-    text += &format!("  scene size   {}\n", origin.scene_size);
+    text += &format!("  extent       {}\n", file.extent);
     text += &format!(
         "  max bounces  {}\n",
         origin.max_bounces.map_or("unlimited".to_owned(), |n| n.to_string())

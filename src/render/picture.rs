@@ -89,5 +89,5 @@ impl<'a> Picture<'a> {
 /// What records of `scene` are made for under `settings`.
 pub(super) fn origin(scene: &Scene, settings: &Settings) -> Origin {
     let hashes = scene.hashes().clone();
-    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size())
+    Origin::new(hashes, &settings.scheme, settings.max_bounces)
 }

@@ -11,7 +11,7 @@ fn answers_equal_those_of_the_rust_api() {
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
     scheme.gather.rays = 64;
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
-    let mut expected = Cache::new(scheme, u32::MAX, scene.size());
+    let mut expected = Cache::new(scheme, u32::MAX);
 
     let d = device("threads=3");
     let s = loaded(&d, "indirect-room");

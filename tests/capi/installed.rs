@@ -176,7 +176,7 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
     };
     let points: Vec<_> = (0..64 * 64).map(point).collect();
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
-    let mut cache = Cache::new(scheme, u32::MAX, scene.size());
+    let mut cache = Cache::new(scheme, u32::MAX);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(2)
         .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())

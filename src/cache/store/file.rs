@@ -37,21 +37,16 @@ pub struct Origin {
     pub scheme: Value,
     /// Most interactions of light paths after the camera hit; `None` without a bound.
     pub max_bounces: Option<u32>,
-    /// Diagonal of the scene.
-    pub scene_size: f32,
 }
 
 impl Origin {
-    /// The origin of records made under `scheme` in the scene with these hashes and this diagonal;
-    /// `u32::MAX` bounces are no bound.
-    pub fn new(
-        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, scene_size: f32,
-    ) -> Self {
+    /// The origin of records made under `scheme` in the scene with these hashes; `u32::MAX` bounces
+    /// are no bound.
+    pub fn new(scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32) -> Self {
         Self {
             scene,
             scheme: scheme.settings().into(),
             max_bounces: (max_bounces != u32::MAX).then_some(max_bounces),
-            scene_size,
         }
     }
 
@@ -67,12 +62,6 @@ impl Origin {
             parts.sort_unstable();
             parts.dedup();
             return Some(format!("made for another scene: the {} differ", parts.join(" and the ")));
-        }
-        if self.scene_size != wanted.scene_size {
-            return Some(format!(
-                "made for a scene of size {}, not {}",
-                self.scene_size, wanted.scene_size
-            ));
         }
         let text = |bounces: Option<u32>| bounces.map_or("unlimited".to_owned(), |n| n.to_string());
         if self.max_bounces != wanted.max_bounces {
@@ -103,6 +92,8 @@ impl Origin {
 pub struct CacheFile {
     /// What they were made for.
     pub origin: Origin,
+    /// The length that their radii are relative to, 0 where there are none.
+    pub extent: f32,
     /// The records of each level, camera first.
     pub levels: Vec<Vec<Record<Irradiance>>>,
 }
@@ -112,6 +103,7 @@ struct Header {
     software: String,
     #[serde(flatten)]
     origin: Origin,
+    extent: f32,
     /// Lowest and highest corner of the records' positions; for readers of the header.
     bounds: Option<[[f32; 3]; 2]>,
     levels: Vec<LevelHeader>,
@@ -136,7 +128,11 @@ impl CacheFile {
     /// The records of `cache`, made for `origin`.
     pub fn new(cache: &Cache, origin: Origin) -> Self {
         let records = |level| cache.records(level).to_vec();
-        Self { origin, levels: (0..cache.level_count()).map(records).collect() }
+        Self {
+            origin,
+            extent: cache.extent(),
+            levels: (0..cache.level_count()).map(records).collect(),
+        }
     }
 
     /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse`
@@ -152,7 +148,7 @@ impl CacheFile {
             return Err(Error::Stale { file: path.to_owned(), what });
         }
         let mut cache =
-            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX), origin.scene_size);
+            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX)).with_extent(self.extent);
         for (level, records) in (0..cache.level_count()).zip(self.levels) {
             if !records.is_empty() {
                 cache.replace(level, records);
@@ -224,7 +220,8 @@ impl CacheFile {
             [low.to_array(), high.to_array()]
         });
         let software = concat!("lumicache ", env!("CARGO_PKG_VERSION")).to_owned();
-        let header = Header { software, origin: self.origin.clone(), bounds, levels };
+        let (origin, extent) = (self.origin.clone(), self.extent);
+        let header = Header { software, origin, extent, bounds, levels };
         let header = serde_json::to_vec(&header).expect("a header is plain data");
         let mut bytes = Vec::with_capacity(FIXED + header.len() + data.len() + HASH);
         bytes.extend(MAGIC);
@@ -287,7 +284,7 @@ impl CacheFile {
             header.levels.iter().map(|level| level.read(data)).collect();
         let levels =
             levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
-        Ok(Self { origin: header.origin, levels })
+        Ok(Self { origin: header.origin, extent: header.extent, levels })
     }
 }
 
