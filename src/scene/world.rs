@@ -11,10 +11,12 @@ use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
 use crate::sampling::{hash, unit_f32};
 use crate::texture::Texture;
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// A scene with its ray tracing structure and light sampling; immutable and shared by all threads.
 pub struct Scene {
+    origin: DVec3,
     geometry: Geometry,
     materials: Vec<Material>,
     textures: Vec<Texture>,
@@ -49,6 +51,7 @@ impl Scene {
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
         let hashes = data.hashes();
         let SceneData {
+            origin,
             geometry,
             materials,
             textures,
@@ -70,6 +73,7 @@ impl Scene {
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
         let scene = Self {
+            origin,
             geometry,
             materials,
             textures,
@@ -95,6 +99,22 @@ impl Scene {
     /// Where the tables of the materials are kept.
     pub fn tables(&self) -> &TableStore {
         &self.tables
+    }
+
+    /// Where the zero of the scene's coordinates lies in the world: a scene far from there is kept
+    /// around its own middle.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A position of the scene in the world.
+    pub fn to_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() + self.origin).as_vec3()
+    }
+
+    /// A position of the world in the scene.
+    pub fn from_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() - self.origin).as_vec3()
     }
 
     /// Meshes and instances.

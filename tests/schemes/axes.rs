@@ -375,7 +375,10 @@ fn files_keep_axes_and_spare_records_without() {
     let points = LevelPoints::from(seen(&scene, &scene.cameras()[0], [24, 32], 0));
     for (preset, most) in [("aric11", 1300), ("ward88", 350)] {
         let (cache, _) = fill(&scene, with_rays(scheme(preset), 64), &points);
-        let file = CacheFile::new(&cache, Origin::new(BTreeMap::new(), cache.scheme(), u32::MAX));
+        let file = CacheFile::new(
+            &cache,
+            Origin::new(BTreeMap::new(), cache.scheme(), u32::MAX, glam::DVec3::ZERO),
+        );
         let bytes = file.to_bytes();
         assert!(bytes.len() < most * file.record_count() + 8192, "{preset}: {} bytes", bytes.len());
         let read = CacheFile::from_bytes(&bytes, Path::new("memory")).unwrap();
