@@ -16,7 +16,7 @@ mod fill;
 
 pub use fill::{
     Appearances, FillPlan, FillReport, FillStats, LevelPoints, ShadingPoint, Towards, VIEWED,
-    World, extent_of, scattered,
+    World, extent, scattered,
 };
 pub use payload::{
     Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lobes, Payload,

@@ -1,13 +1,13 @@
 //! Caches: what they are made by, and work on the device's threads.
 
-use super::abi::{lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
+use super::abi::{Input, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
 use super::device::pool;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::scene::{SceneKind, SceneObject};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
-use crate::cache::{Cache, Live, Preset, Scheme, VIEWED, settings};
+use crate::cache::{self, Cache, Live, Preset, Scheme, VIEWED, settings};
 use crate::gather::RadianceProbe;
 use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
@@ -98,10 +98,16 @@ impl CacheObject {
         }
     }
 
-    /// Width of a pixel where the host gives none.
-    pub fn default_footprint(&self) -> Outcome<f32> {
-        let extent = self.live.read(|s| s.cache().extent());
-        Ok(VIEWED * if extent > 0.0 { extent } else { self.scene.committed()?.size() })
+    /// Width of a pixel at the points of a query, of which one has `positions`, where the host
+    /// gives none.
+    pub fn default_footprint(&self, positions: &Input<f32, 3>) -> Outcome<f32> {
+        let mut extent = self.live.read(|s| s.cache().extent());
+        if extent == 0.0 {
+            let whole = self.scene.committed()?.size();
+            let seen = cache::extent(positions.len(), |i| positions.vector(i));
+            extent = seen.unwrap_or(whole);
+        }
+        Ok(VIEWED * extent)
     }
 
     /// Puts another cache in the place of this one's records, with the lobes that it answers for.
@@ -238,6 +244,7 @@ pub unsafe extern "C" fn lumi_cache_new(
         let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::from_name_or_text(preset)?.scheme();
+        scene.committed()?;
         let live = Live::new(Cache::new(scheme.clone(), u32::MAX));
         let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
         let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };

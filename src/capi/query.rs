@@ -38,13 +38,14 @@ pub(super) struct Points {
 
 impl Points {
     pub fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
+        let position = Input::required(q.position, q.n, q.position_stride, "position")?;
         Ok(Self {
-            position: Input::required(q.position, q.n, q.position_stride, "position")?,
+            default_footprint: cache.default_footprint(&position)?,
+            position,
             normal: Input::required(q.normal, q.n, q.normal_stride, "normal")?,
             geo_normal: Input::new(q.geo_normal, q.n, q.geo_normal_stride, "geo_normal")?,
             wo: Input::new(q.wo, q.n, q.wo_stride, "wo")?,
             footprint: Input::new(q.footprint, q.n, 0, "footprint")?,
-            default_footprint: cache.default_footprint()?,
             zero: cache.scene.committed()?.origin(),
         })
     }

@@ -56,16 +56,16 @@ pub fn middle(parts: &[Part]) -> DVec3 {
     let middle =
         DVec3::new(median(&|p| p.middle.x), median(&|p| p.middle.y), median(&|p| p.middle.z));
     let spread = median(&|p| (p.middle - middle).length() + p.size);
-    if middle.abs().max_element() > FAR * spread {
-        middle.as_vec3().as_dvec3()
-    } else {
-        DVec3::ZERO
+    if middle.abs().max_element() <= FAR * spread {
+        return DVec3::ZERO;
     }
+    let step = spread.log2().ceil().exp2();
+    if step.is_normal() { (middle / step).round() * step } else { middle }
 }
 
-/// Moves the vertices of a mesh around the origin of its own coordinates where they lie far from it,
-/// and returns by how much: instances must be placed that much farther. `bounds` are the mesh's,
-/// and move along.
+/// Moves the vertices of a mesh around the origin of its own coordinates where they lie far from
+/// it, and returns by how much: instances must be placed that much farther. `bounds` are the
+/// mesh's, and move along.
 pub fn center(mesh: &mut Arc<TriangleMesh>, bounds: &mut Aabb) -> DVec3 {
     let middle = bounds.center();
     if bounds.is_empty() || middle.abs().max_element() <= FAR_MESH * bounds.diagonal() {

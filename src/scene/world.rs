@@ -3,7 +3,7 @@
 use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::camera::{Camera, Motion};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Geometry, MAP_ROUNDING, SurfacePoint, interpolate};
 use crate::light::{Emitter, EnvironmentMap, LightSample, LightSource, Lights};
 use crate::material::tables::TableStore;
@@ -37,6 +37,8 @@ const MAX_LAYERS: usize = 256;
 /// A ray between two points ends this share of its length before the second: the rounding of its
 /// direction and of the distance at which it is hit.
 const SHORTENING: f32 = 32.0 * f32::EPSILON;
+/// Largest diagonal of a scene: squares of distances in it are numbers still.
+const LARGEST: f32 = 1e18;
 /// Radiance of the dome that lights a scene without any light.
 const DOME: Color = Color::splat(0.8);
 
@@ -47,7 +49,8 @@ impl Scene {
     /// of what the importer noticed.
     ///
     /// # Errors
-    /// Those of the ray tracing back end.
+    /// Those of the ray tracing back end; [`Error::InvalidArgument`] for a scene whose diagonal is
+    /// longer than 1e18 units.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
         let hashes = data.hashes();
         let SceneData {
@@ -61,8 +64,13 @@ impl Scene {
             motions,
             mut warnings,
         } = data;
-        let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
+        let reach = bounds.diagonal();
+        if reach > LARGEST {
+            let what = format!("the scene reaches over {reach:e} units, more than {LARGEST:e}");
+            return Err(Error::InvalidArgument(what));
+        }
+        let accel = Accel::build(&geometry, backend)?;
         let emitters = emitters(&geometry, &materials, &textures);
         let unlit_only = !materials.is_empty() && materials.iter().all(|m| m.unlit);
         if emitters.is_empty() && punctual.is_empty() && environment.is_none() && !unlit_only {

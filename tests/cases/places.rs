@@ -18,7 +18,7 @@ use std::sync::Arc;
 const INTEGRATORS: [IntegratorKind; 3] =
     [IntegratorKind::Cache, IntegratorKind::Path, IntegratorKind::Bdpt];
 
-/// Mean luminance of a picture, or of its middle.
+/// Mean of the channels of a picture, or of its middle.
 fn mean(scene: &Scene, settings: &Settings, middle: bool) -> f32 {
     let film = render(scene, settings).film;
     let [width, height] = settings.size.map(|n| n as usize);
@@ -28,7 +28,7 @@ fn mean(scene: &Scene, settings: &Settings, middle: bool) -> f32 {
         !middle || (x.abs_diff(width / 2) <= 2 && y.abs_diff(height / 2) <= 2)
     };
     let chosen: Vec<usize> = (0..width * height).filter(inside).collect();
-    chosen.iter().map(|i| luminance(pixels[*i])).sum::<f32>() / chosen.len() as f32
+    chosen.iter().map(|i| pixels[*i].element_sum() / 3.0).sum::<f32>() / chosen.len() as f32
 }
 
 /// A scene of scenes/ under one more node.

@@ -104,7 +104,7 @@ fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
         // 16 rays that end by roulette.
         assert!(
             off < 0.012 + 5.0 * spread / count.sqrt(),
-            "{what}: mean irradiance is off by {off}"
+            "{what}: mean irradiance of {count} records is off by {off}"
         );
 
         // Changes of the luminance along both tangents, per radian, and over the distance to the
