@@ -238,8 +238,8 @@ impl Scene {
         Ray { origin: at.leave(dir), tmin: 0.0, dir, tmax: f32::INFINITY }
     }
 
-    /// The ray from `at` to the point at `distance` along the unit direction `dir`, `distance` being
-    /// measured from the point itself, not from where the ray starts; it ends `gap` before it.
+    /// The ray from `at` to the point at `distance` along the unit direction `dir`, where the
+    /// distance is that from the point itself, not from where the ray starts; it ends `gap` before.
     pub fn segment(&self, at: &SurfacePoint, dir: Vec3, distance: f32, gap: f32) -> Ray {
         let ray = self.spawn(at, dir);
         if distance.is_infinite() {

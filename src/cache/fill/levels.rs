@@ -152,9 +152,9 @@ impl Cache {
         Ok(births)
     }
 
-    /// Takes the extent of `points`, unless there are records, whose radii follow from it.
+    /// Takes the extent of `points`, unless it is known.
     fn settle(&mut self, points: &[SurfacePoint]) {
-        if self.record_count() + self.radiance_record_count() == 0 && !points.is_empty() {
+        if self.extent() == 0.0 && !points.is_empty() {
             *self = self.clone().with_extent(extent_of(points));
         }
     }
