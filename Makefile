@@ -17,7 +17,7 @@ FFI_TESTS := accel:: imagefile::
 IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz clean
+.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz soak clean
 
 help: ## Lists the targets.
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
@@ -85,6 +85,9 @@ bench: build ## Compares the ray tracing back ends (SCENE=NAME picks another one
 
 bench-hot: setup ## Measures lookups, gathers, bundles and shading.
 	$(CARGO) bench --locked --bench hot
+
+soak: setup ## Queries from 8 threads while builds go on for TIME=1800 seconds; LIVES=1000 loads and releases; KILLS=200 kills.
+	SOAK=$(or $(TIME),1800) LIVES=$(or $(LIVES),1000) KILLS=$(or $(KILLS),200) .ci/cargo-test --test integration -- --nocapture soak:: a_kill_leaves
 
 fuzz: setup ## Feeds damaged files to all readers, TIME=60 seconds each (needs nightly Rust, cargo-fuzz).
 	fuzz/run $(or $(TIME),60)

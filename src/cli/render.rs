@@ -1,14 +1,15 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
-use super::presets::{pair, preset};
+use super::presets::{is_file, pair, preset};
 use super::tables::tables;
-use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
+use super::terminal::{in_file, on_threads, parse_size, print, tell, thread_count};
 use lumicache::accel::Backend;
 use lumicache::cache::Scheme;
 use lumicache::error::{Error, Result};
 use lumicache::film::Film;
 use lumicache::fsutil;
+use lumicache::imagefile::{check_extension, exr, ldr};
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
@@ -19,13 +20,14 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 pub fn run(arguments: &Render) -> Result<()> {
+    fsutil::remember_what_is_read();
     // Everything that can be known to be wrong is found before the work starts.
     let request = Request::new(arguments)?;
     let threads = thread_count(arguments.threads)?;
     let end = on_threads(threads, arguments.quiet, |progress| request.render(progress))?;
     if !arguments.quiet {
         print(end.table.as_bytes())?;
-        end.warnings.iter().for_each(|w| eprintln!("lumicache: warning: {w}"));
+        end.warnings.iter().for_each(|w| tell(&format!("warning: {w}")));
     }
     if end.cancelled { Err(Error::Cancelled) } else { Ok(()) }
 }
@@ -39,6 +41,8 @@ struct Request<'a> {
     sky: Option<(EnvironmentMap, Option<PunctualLight>)>,
     backend: Backend,
     output: PathBuf,
+    /// Everything that will be written; of a sequence the first frame.
+    outputs: Vec<PathBuf>,
     size: Option<[u32; 2]>,
     window: Option<[u32; 4]>,
 }
@@ -65,16 +69,13 @@ impl<'a> Request<'a> {
             .transpose()?;
         let backend: Backend = arguments.backend.parse()?;
         let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-        let numbered = |path: &PathBuf| match &arguments.frames {
-            Some(frames) => frame_path(path, frames.first),
-            None => Ok(path.clone()),
-        };
-        let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten();
-        let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned();
-        let outputs: Vec<PathBuf> =
-            pictures.map(numbered).chain(others.map(Ok)).collect::<Result<_>>()?;
+        check_extension(&output, &exr::EXTENSIONS)?;
+        if let Some(preview) = &arguments.preview {
+            check_extension(preview, &ldr::EXTENSIONS)?;
+        }
+        let outputs = outputs(arguments, &output)?;
         outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
-        fsutil::check_distinct(&arguments.scene, &outputs)?;
+        fsutil::check_distinct(&inputs(arguments), &outputs)?;
         if matches!(arguments.integrator, IntegratorName::Path)
             && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
         {
@@ -94,6 +95,7 @@ impl<'a> Request<'a> {
             sky,
             backend,
             output,
+            outputs,
             size: arguments.size.as_deref().map(parse_size).transpose()?,
             window: arguments.crop.as_deref().map(parse_window).transpose()?,
         })
@@ -103,6 +105,8 @@ impl<'a> Request<'a> {
     fn render(self, progress: &Progress) -> Result<End> {
         let mut clock = Clock::default();
         let (scene, mut warnings) = self.scene(&mut clock, progress)?;
+        // Now the files are known that the scene refers to.
+        self.outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
         let arguments = self.arguments;
         let mut viewer = Viewer::default();
         let job = self.job(&scene)?.progress(progress).clock(clock);
@@ -110,7 +114,9 @@ impl<'a> Request<'a> {
         let (cancelled, table) = match &arguments.frames {
             None => {
                 let job = job.watcher(|area, film| viewer.show(area, film));
-                (self.picture(job, progress)?, String::new())
+                let picture = self.picture(job, progress)?;
+                warnings.extend(self.kept(&picture));
+                (picture.frame.cancelled, String::new())
             }
             Some(frames) => {
                 let cameras =
@@ -121,12 +127,8 @@ impl<'a> Request<'a> {
                     let output = frame_path(&self.output, number)?;
                     self.write(picture, &output, preview.transpose()?.as_deref())
                 };
-                let sequence = match job.run_sequence(&cameras, write) {
-                    Err(Error::Cancelled) => {
-                        return Ok(End { cancelled: true, warnings, ..End::default() });
-                    }
-                    sequence => sequence?,
-                };
+                let sequence = job.run_sequence(&cameras, write)?;
+                warnings.extend(self.kept(&sequence.last));
                 self.save(&sequence.last)?;
                 self.write_stats(|| sequence.stats())?;
                 (sequence.last.frame.cancelled, table(&sequence.costs))
@@ -177,7 +179,8 @@ impl<'a> Request<'a> {
             .cache_files(&arguments.cache_load, arguments.cache_reuse)
             .layers(self.layers.clone())
             .exposure(arguments.exposure)
-            .show_records(arguments.show_records);
+            .show_records(arguments.show_records)
+            .float(arguments.float);
         if let Some(camera) = &arguments.camera {
             job = job.camera_named(camera).map_err(in_file(&arguments.scene))?;
         }
@@ -193,8 +196,8 @@ impl<'a> Request<'a> {
         Ok(job)
     }
 
-    /// Renders one picture; true if the work was cancelled.
-    fn picture(&self, job: Job, progress: &Progress) -> Result<bool> {
+    /// Renders one picture and writes it.
+    fn picture<'s>(&self, job: Job<'s>, progress: &Progress) -> Result<Picture<'s>> {
         let mut picture = job.run()?;
         picture.clock.start(Phase::Write);
         progress.start(Phase::Write, 0);
@@ -202,20 +205,31 @@ impl<'a> Request<'a> {
         self.save(&picture)?;
         picture.clock.stop();
         self.write_stats(|| picture.stats())?;
-        Ok(picture.frame.cancelled)
+        Ok(picture)
+    }
+
+    /// What to tell the user if the work was cancelled before there was anything to show.
+    fn kept(&self, picture: &Picture) -> Option<String> {
+        let nothing = picture.frame.cancelled && picture.frame.is_empty();
+        nothing.then(|| {
+            format!("cancelled before the first pixel: {} is as it was", self.output.display())
+        })
     }
 
     fn write(&self, picture: &Picture, output: &Path, preview: Option<&Path>) -> Result<()> {
-        if self.arguments.prepass_only {
+        // A picture of nothing must not take the place of another.
+        if self.arguments.prepass_only || picture.frame.is_empty() {
             return Ok(());
         }
         picture.write_exr(output)?;
         preview.map_or(Ok(()), |preview| picture.write_preview(preview))
     }
 
-    /// Saves the records, if the user wants them and all are there.
+    /// Saves the records, if the user wants them; of cancelled work those that there are.
     fn save(&self, picture: &Picture) -> Result<()> {
-        let path = self.arguments.cache_save.as_ref().filter(|_| !picture.frame.cancelled);
+        let records = picture.frame.caches.as_ref().map_or(0, |c| c.cache.record_count());
+        let none = picture.frame.cancelled && records == 0;
+        let path = self.arguments.cache_save.as_ref().filter(|_| !none);
         path.map_or(Ok(()), |path| picture.write_cache(path))
     }
 
@@ -273,6 +287,24 @@ fn table(costs: &[FrameCost]) -> String {
         )
     };
     head + &costs.iter().map(row).collect::<String>()
+}
+
+/// The files that the arguments name as inputs.
+fn inputs(arguments: &Render) -> Vec<&Path> {
+    let preset = Some(Path::new(&arguments.preset)).filter(|_| is_file(&arguments.preset));
+    let named = [Some(arguments.scene.as_path()), arguments.env.as_deref(), preset];
+    named.into_iter().flatten().chain(arguments.cache_load.iter().map(PathBuf::as_path)).collect()
+}
+
+/// The files that will be written; of a sequence the first frame.
+fn outputs(arguments: &Render, output: &Path) -> Result<Vec<PathBuf>> {
+    let numbered = |path: &Path| match &arguments.frames {
+        Some(frames) => frame_path(path, frames.first),
+        None => Ok(path.to_owned()),
+    };
+    let pictures = [Some(output), arguments.preview.as_deref()].into_iter().flatten();
+    let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned();
+    pictures.map(numbered).chain(others.map(Ok)).collect()
 }
 
 fn default_output(scene: &Path) -> PathBuf {

@@ -6,4 +6,4 @@ pub mod exr;
 pub mod hdr;
 
 pub use ldr::{TextureImage, TexturePixels};
-pub use picture::{Attribute, Channel, Crop, Picture, REC_709, SampleKind};
+pub use picture::{Attribute, Channel, Crop, Picture, REC_709, SampleKind, check_extension};
