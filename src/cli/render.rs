@@ -17,6 +17,7 @@ use lumicache::render::viewer::{Display, Tile};
 use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
 use lumicache::scene::Scene;
 use serde_json::Value;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 pub fn run(arguments: &Render) -> Result<()> {
@@ -122,15 +123,22 @@ impl<'a> Request<'a> {
                 let cameras =
                     job.cameras(*frames, arguments.fps).map_err(in_file(&arguments.scene))?;
                 let job = job.watcher(|area, film| viewer.show(area, film));
+                let mut written = Ok(());
                 let write = |number: u32, picture: &Picture| {
                     let preview = arguments.preview.as_ref().map(|p| frame_path(p, number));
                     let output = frame_path(&self.output, number)?;
-                    self.write(picture, &output, preview.transpose()?.as_deref())
+                    written = self.write(picture, &output, preview.transpose()?.as_deref());
+                    if written.is_err() {
+                        // The records are saved nevertheless.
+                        progress.cancel();
+                    }
+                    Ok(())
                 };
                 let sequence = job.run_sequence(&cameras, write)?;
+                let saved = self.save(&sequence.last);
+                let told = self.write_stats(|| sequence.stats());
+                written.and(saved).and(told)?;
                 warnings.extend(self.kept(&sequence.last));
-                self.save(&sequence.last)?;
-                self.write_stats(|| sequence.stats())?;
                 (sequence.last.frame.cancelled, table(&sequence.costs))
             }
         };
@@ -201,11 +209,12 @@ impl<'a> Request<'a> {
         let mut picture = job.run()?;
         picture.clock.start(Phase::Write);
         progress.start(Phase::Write, 0);
-        self.write(&picture, &self.output, self.arguments.preview.as_deref())?;
-        self.save(&picture)?;
+        // An output that fails does not take the others with it.
+        let written = self.write(&picture, &self.output, self.arguments.preview.as_deref());
+        let saved = self.save(&picture);
         picture.clock.stop();
-        self.write_stats(|| picture.stats())?;
-        Ok(picture)
+        let told = self.write_stats(|| picture.stats());
+        written.and(saved).and(told).map(|()| picture)
     }
 
     /// What to tell the user if the work was cancelled before there was anything to show.
@@ -221,8 +230,9 @@ impl<'a> Request<'a> {
         if self.arguments.prepass_only || picture.frame.is_empty() {
             return Ok(());
         }
-        picture.write_exr(output)?;
-        preview.map_or(Ok(()), |preview| picture.write_preview(preview))
+        let written = rescued(output, |path| picture.write_exr(path));
+        let preview = preview.map(|preview| rescued(preview, |path| picture.write_preview(path)));
+        written.and(preview.unwrap_or(Ok(())))
     }
 
     /// Saves the records, if the user wants them; of cancelled work those that there are.
@@ -230,7 +240,7 @@ impl<'a> Request<'a> {
         let records = picture.frame.caches.as_ref().map_or(0, |c| c.cache.record_count());
         let none = picture.frame.cancelled && records == 0;
         let path = self.arguments.cache_save.as_ref().filter(|_| !none);
-        path.map_or(Ok(()), |path| picture.write_cache(path))
+        path.map_or(Ok(()), |path| rescued(path, |path| picture.write_cache(path)))
     }
 
     fn write_stats(&self, stats: impl Fn() -> Value) -> Result<()> {
@@ -238,6 +248,32 @@ impl<'a> Request<'a> {
             |path: &PathBuf| fsutil::write_atomically(path, format!("{:#}\n", stats()).as_bytes());
         self.arguments.stats.as_ref().map_or(Ok(()), write)
     }
+}
+
+/// Writes an output to `path`. Where the disk there is full by now, the work is not lost: the output
+/// goes to the folder of temporary files, and the error says so.
+fn rescued(path: &Path, write: impl Fn(&Path) -> Result<()>) -> Result<()> {
+    let full = |e: &Error| match e {
+        Error::Image { .. } => true,
+        Error::Io { source, .. } => {
+            matches!(source.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+        }
+        _ => false,
+    };
+    let Err(error) = write(path) else { return Ok(()) };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let other = std::env::temp_dir().join(format!("lumicache-{}-{name}", std::process::id()));
+    if !full(&error) || write(&other).is_err() {
+        return Err(error);
+    }
+    let kept = format!("; the output is kept as {}", other.display());
+    Err(match error {
+        Error::Image { file, what } => Error::image(&file, what + &kept),
+        Error::Io { file, source } => {
+            Error::io(&file)(io::Error::new(source.kind(), format!("{source}{kept}")))
+        }
+        other => other,
+    })
 }
 
 /// Shows finished tiles in a tev viewer, if there is one.

@@ -1,7 +1,7 @@
 //! Image files in and out: EXR, HDR, PNG, JPEG, WebP. Pixels and attributes, no rendering.
 
-pub mod ldr;
 mod picture;
+pub mod ldr;
 pub mod exr;
 pub mod hdr;
 

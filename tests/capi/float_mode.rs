@@ -18,6 +18,9 @@ const UPWARD: i32 = 0x800;
 const TOWARD_ZERO: i32 = 0xc00;
 const ALL: i32 = 0x3d;
 
+/// Positions and normals.
+type Points = (Vec<[f32; 3]>, Vec<[f32; 3]>);
+
 /// What a host expects to find whenever its code runs.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Mode {
@@ -63,7 +66,7 @@ unsafe extern "C" fn watching(user: *mut c_void, _: f64, _: *const c_char) -> i3
 }
 
 /// What a thread in this mode is told: by a scene of the library's, then by one of its own.
-fn told(mode: Mode, points: &[(Vec<[f32; 3]>, Vec<[f32; 3]>); 2]) -> Vec<[u32; 3]> {
+fn told(mode: Mode, points: &[Points; 2]) -> Vec<[u32; 3]> {
     std::thread::scope(|scope| {
         let work = move || {
             let user = (&raw const mode).cast_mut().cast::<c_void>();
@@ -71,7 +74,7 @@ fn told(mode: Mode, points: &[(Vec<[f32; 3]>, Vec<[f32; 3]>); 2]) -> Vec<[u32; 3
             let d = device("threads=2");
             let own = loaded(&d, "indirect-room");
             let mut all = Vec::new();
-            let mut work = |scene: &SceneHandle, points: &(Vec<_>, Vec<_>)| {
+            let mut work = |scene: &SceneHandle, points: &Points| {
                 let c = cache(scene);
                 ok(unsafe { lumi_cache_set_progress(c.0, Some(watching), user) });
                 ok(build(c.0, points));

@@ -204,7 +204,7 @@ fn every_column_has_a_range_that_a_sound_checksum_does_not_excuse() {
     let (inf, nan) = (f32::INFINITY, f32::NAN);
     for (column, values) in [
         ("position", &[inf, nan, 3e38, -2e18][..]),
-        ("normal", &[0.0, 2.0, nan]),
+        ("normal", &[2.0, nan]),
         ("irradiance", &[-1.0, inf, nan, 2e18]),
         ("rotation", &[inf, nan]),
         ("translation", &[inf, nan]),
@@ -249,7 +249,7 @@ fn headers_that_ask_for_more_than_the_file_holds_are_refused() {
         }
     };
     fail(&repeat(2), "overlap");
-    fail(&repeat(4000), "overlap");
+    fail(&repeat(1000), "overlap");
     fail(&repeat(40_000), "header is longer");
     fail(&|parts| parts.header["levels"][0]["records"] = (1_u64 << 60).into(), "columns");
     fail(&|parts| parts.header["levels"][0]["records"] = u64::MAX.into(), "columns");

@@ -327,9 +327,10 @@ impl Header {
             columns.extend(level.columns.iter().map(|c| Some((c.offset, end(c)?))));
         }
         let columns: Option<Vec<_>> = columns.into_iter().collect();
-        let mut columns = columns.unwrap_or_else(|| vec![(0, u64::MAX)]);
-        columns.sort_unstable();
-        let end = columns.iter().try_fold(0, |end, c| (c.0 == end).then_some(c.1));
+        let end = columns.and_then(|mut columns| {
+            columns.sort_unstable();
+            columns.iter().try_fold(0, |end, c| (c.0 == end).then_some(c.1))
+        });
         match end {
             None => Err(corrupt(path, "its header names columns that overlap or leave room")),
             Some(end) if Some(end) > data => Err(corrupt(path, "it is cut short")),
