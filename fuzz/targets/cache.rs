@@ -42,6 +42,6 @@ fuzz_target!(|bytes: &[u8]| {
     let again = CacheFile::from_bytes(&file.to_bytes(), path).expect("what was written loads");
     assert_eq!(again.record_count(), file.record_count());
     let Ok(preset) = Preset::by_name("tabellion04") else { return };
-    let origin = lumicache::cache::Origin { scene_size: 3.0, ..file.origin.clone() };
+    let origin = lumicache::cache::Origin { ..file.origin.clone() };
     let _ = file.into_cache(preset.scheme(), &origin, true, path);
 });

@@ -250,8 +250,8 @@ impl<'a> Request<'a> {
     }
 }
 
-/// Writes an output to `path`. Where the disk there is full by now, the work is not lost: the output
-/// goes to the folder of temporary files, and the error says so.
+/// Writes an output to `path`. Where the disk there is full by now, the work is not lost: the
+/// output goes to the folder of temporary files, and the error says so.
 fn rescued(path: &Path, write: impl Fn(&Path) -> Result<()>) -> Result<()> {
     let full = |e: &Error| match e {
         Error::Image { .. } => true,

@@ -256,6 +256,9 @@ fn headers_that_ask_for_more_than_the_file_holds_are_refused() {
     fail(&|parts| parts.header["levels"][0]["records"] = 0.into(), "columns");
     fail(&|parts| parts.header["levels"][0]["columns"] = Value::Array(vec![]), "columns");
     fail(&|parts| parts.header["levels"][0]["columns"][0]["offset"] = u64::MAX.into(), "columns");
+    for extent in [0.0, -1.0, 1e-45, 3e38] {
+        fail(&|parts| parts.header["extent"] = extent.into(), "extent");
+    }
     fail(&|parts| parts.data.extend([0; 9]), "longer");
     fail(&|parts| parts.data.truncate(parts.data.len() - 1), "cut short");
     // A level without records asks for nothing.

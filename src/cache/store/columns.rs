@@ -5,6 +5,7 @@ use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Quadratic};
 use crate::cache::record::{Area, Fences, Record, SECTORS};
 use crate::gather::Hessian;
 use crate::math::{Color, Mat3, Vec3, Vec4};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// A value of fixed size in a file, little-endian.
@@ -228,6 +229,8 @@ pub struct Heading {
 
 /// The largest coordinate, irradiance and size: the square is still a number.
 const LARGEST: f32 = 1e18;
+/// What radii can be relative to.
+pub const EXTENTS: RangeInclusive<f32> = f32::MIN_POSITIVE..=LARGEST;
 
 /// Makes the table from the lists of fields with their ranges, in words and as a test: those of the
 /// record, those of its payload. A new field of [`Record`] or [`Irradiance`] does not compile until

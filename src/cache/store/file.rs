@@ -3,8 +3,8 @@
 //! A file begins with 8 bytes of magic, the version of the layout (u32), a mark of the byte order
 //! (u32) and the length of the header (u64); then come the header, which is JSON, the columns that
 //! it lists, one after the other, and a BLAKE3 hash of everything before it. Numbers are
-//! little-endian. Columns that a reader does not know are skipped. Lengths are stored as the gathers gave them, before neighbours
-//! clamped them, so that files can be joined.
+//! little-endian. Columns that a reader does not know are skipped. Lengths are stored as the gathers
+//! gave them, before neighbours clamped them, so that files can be joined.
 
 use super::cache::Cache;
 use super::columns::{self, Heading};
@@ -14,6 +14,7 @@ use crate::cache::scheme::Scheme;
 use crate::error::{Error, Result};
 use crate::fsutil;
 use crate::math::Vec3;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashSet};
@@ -22,7 +23,8 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"\x89LUMI\r\n\x1a";
 /// 2: columns in which no record has anything are left out.
-const VERSION: u32 = 2;
+/// 3: the header has the zero of positions and the extent of what is lit.
+const VERSION: u32 = 3;
 const BYTE_ORDER: u32 = 0x0102_0304;
 const FIXED: usize = 24;
 const HASH: usize = blake3::OUT_LEN;
@@ -38,21 +40,21 @@ pub struct Origin {
     pub scheme: Value,
     /// Most interactions of light paths after the camera hit; `None` without a bound.
     pub max_bounces: Option<u32>,
-    /// Diagonal of the scene.
-    pub scene_size: f32,
+    /// Where the zero of the records' positions lies in the world.
+    pub zero: [f64; 3],
 }
 
 impl Origin {
-    /// The origin of records made under `scheme` in the scene with these hashes and this diagonal;
-    /// `u32::MAX` bounces are no bound.
+    /// The origin of records made under `scheme` in the scene with these hashes, whose coordinates
+    /// have their zero at `zero` in the world; `u32::MAX` bounces are no bound.
     pub fn new(
-        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, scene_size: f32,
+        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, zero: DVec3,
     ) -> Self {
         Self {
             scene,
+            zero: zero.to_array(),
             scheme: scheme.settings().into(),
             max_bounces: (max_bounces != u32::MAX).then_some(max_bounces),
-            scene_size,
         }
     }
 
@@ -69,13 +71,12 @@ impl Origin {
             parts.dedup();
             return Some(format!("made for another scene: the {} differ", parts.join(" and the ")));
         }
-        if self.scene_size != wanted.scene_size {
-            return Some(format!(
-                "made for a scene of size {}, not {}",
-                self.scene_size, wanted.scene_size
-            ));
-        }
         let text = |bounces: Option<u32>| bounces.map_or("unlimited".to_owned(), |n| n.to_string());
+        if self.zero != wanted.zero {
+            let place = |[x, y, z]: [f64; 3]| format!("({x} {y} {z})");
+            let (have, want) = (place(self.zero), place(wanted.zero));
+            return Some(format!("made for a scene around {have}, not {want}"));
+        }
         if self.max_bounces != wanted.max_bounces {
             return Some(format!(
                 "made for {} bounces, not {}",
@@ -104,6 +105,8 @@ impl Origin {
 pub struct CacheFile {
     /// What they were made for.
     pub origin: Origin,
+    /// The length that their radii are relative to, 0 where there are none.
+    pub extent: f32,
     /// The records of each level, camera first.
     pub levels: Vec<Vec<Record<Irradiance>>>,
 }
@@ -113,6 +116,7 @@ struct Header {
     software: String,
     #[serde(flatten)]
     origin: Origin,
+    extent: f32,
     /// Lowest and highest corner of the records' positions; for readers of the header.
     bounds: Option<[[f32; 3]; 2]>,
     levels: Vec<LevelHeader>,
@@ -137,24 +141,36 @@ impl CacheFile {
     /// The records of `cache`, made for `origin`.
     pub fn new(cache: &Cache, origin: Origin) -> Self {
         let records = |level| cache.records(level).to_vec();
-        Self { origin, levels: (0..cache.level_count()).map(records).collect() }
+        Self {
+            origin,
+            extent: cache.extent(),
+            levels: (0..cache.level_count()).map(records).collect(),
+        }
+    }
+
+    /// The position of a record in the world.
+    pub fn position(&self, record: &Record<Irradiance>) -> DVec3 {
+        DVec3::from(self.origin.zero) + record.position.as_dvec3()
     }
 
     /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse`
-    /// records of another origin are taken too; none is used at more than the scheme's error.
+    /// records of another origin are taken too, as far as they have the same zero; none is used at
+    /// more than the scheme's error.
     ///
     /// # Errors
-    /// [`Error::Stale`] naming `path` if the origins differ; [`Error::Corrupt`] for records that are
-    /// to be used at more than the scheme's error.
+    /// [`Error::Stale`] naming `path` if the origins differ; [`Error::Corrupt`] for records that
+    /// are to be used at more than the scheme's error.
     pub fn into_cache(
         self, scheme: Scheme, origin: &Origin, reuse: bool, path: &Path,
     ) -> Result<Cache> {
-        if let Some(difference) = self.origin.difference(origin).filter(|_| !reuse) {
+        if let Some(difference) =
+            self.origin.difference(origin).filter(|_| !reuse || self.origin.zero != origin.zero)
+        {
             let what = format!("the cache was {difference}; make it anew, or ask for its reuse");
             return Err(Error::Stale { file: path.to_owned(), what });
         }
         let mut cache =
-            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX), origin.scene_size);
+            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX)).with_extent(self.extent);
         for (level, mut records) in (0..cache.level_count()).zip(self.levels) {
             let most = cache.radius_rule(level).allowed_error();
             if !reuse && records.iter().any(|r| r.error > most) {
@@ -169,12 +185,16 @@ impl CacheFile {
     }
 
     /// Adds the records of `other`, read from `path`, but for those that are here already. With
-    /// `reuse` records of another origin are taken too.
+    /// `reuse` records of another origin are taken too, as far as they have the same zero.
     ///
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
     pub fn merge(&mut self, other: Self, reuse: bool, path: &Path) -> Result<()> {
-        if let Some(difference) = other.origin.difference(&self.origin).filter(|_| !reuse) {
+        if let Some(difference) = other
+            .origin
+            .difference(&self.origin)
+            .filter(|_| !reuse || other.origin.zero != self.origin.zero)
+        {
             return Err(Error::Stale {
                 file: path.to_owned(),
                 what: format!("the cache was {difference}"),
@@ -231,7 +251,8 @@ impl CacheFile {
             [low.to_array(), high.to_array()]
         });
         let software = concat!("lumicache ", env!("CARGO_PKG_VERSION")).to_owned();
-        let header = Header { software, origin: self.origin.clone(), bounds, levels };
+        let (origin, extent) = (self.origin.clone(), self.extent);
+        let header = Header { software, origin, extent, bounds, levels };
         let header = serde_json::to_vec(&header).expect("a header is plain data");
         let mut bytes = Vec::with_capacity(FIXED + header.len() + data.len() + HASH);
         bytes.extend(MAGIC);
@@ -276,7 +297,7 @@ impl CacheFile {
         let read =
             |level: &LevelHeader| level.read(&content[end..]).map_err(|what| corrupt(path, &what));
         let levels = header.levels.iter().map(read).collect::<Result<_>>()?;
-        Ok(Self { origin: header.origin, levels })
+        Ok(Self { origin: header.origin, extent: header.extent, levels })
     }
 }
 
@@ -335,6 +356,9 @@ impl Header {
             None => Err(corrupt(path, "its header names columns that overlap or leave room")),
             Some(end) if Some(end) > data => Err(corrupt(path, "it is cut short")),
             Some(end) if Some(end) < data => Err(corrupt(path, "it is longer than its columns")),
+            Some(end) if end > 0 && !columns::EXTENTS.contains(&header.extent) => {
+                Err(corrupt(path, "its extent is none that a scene can have"))
+            }
             Some(_) => Ok(header),
         }
     }
