@@ -105,6 +105,7 @@ pub use ies::ies;
 
 use crate::accel::Backend;
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::{Scene, SceneData};
 use accessor::Accessors;
@@ -187,7 +188,7 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
             "it is larger than 4 GiB, which no GLB can be and no document should",
         ));
     }
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     read(&bytes, path, options).map_err(|fault| fault.into_error(path))
 }
 

@@ -54,7 +54,7 @@ mod tests {
 
     /// A film whose left half is steady and whose right half flickers.
     fn film(low: f32, high: f32) -> Film {
-        let mut film = Film::new([8, 4], [0, 0, 8, 4]);
+        let mut film = Film::new([8, 4], [0, 0, 8, 4]).unwrap();
         for (i, pixel) in film.pixels_mut().iter_mut().enumerate() {
             for s in 0..16 {
                 let mut shaded = Shaded::default();
@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn black_and_broken_pixels_want_nothing() {
-        let mut film = Film::new([4, 4], [0, 0, 4, 4]);
+        let mut film = Film::new([4, 4], [0, 0, 4, 4]).unwrap();
         assert!(samples_wanted(&film, 4, 0.01).iter().all(|&n| n == 4));
         let mut shaded = Shaded::default();
         shaded.radiance.emission = Color::splat(f32::MAX);
