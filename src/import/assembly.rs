@@ -4,6 +4,7 @@ use super::accessor::{Accessors, Format};
 use super::budget::Budget;
 use super::camera::CameraKind;
 use super::fault::{Fault, Parsed};
+use super::flat::{flattened, is_flat};
 use super::ies::Luminaire;
 use super::light::Light;
 use super::mesh::{self, Mesh, Primitive, Recipe};
@@ -40,6 +41,9 @@ struct Placed {
     mesh: u32,
     bounds: Aabb,
 }
+
+/// Most bytes of a vertex: position, normal, tangent, two texture coordinates, colour.
+const FLAT_VERTEX: u64 = 72;
 
 /// Fills a scene, whose materials are there already, with what the nodes under `roots` show.
 pub(super) struct Assembly<'p, 'a> {
@@ -103,7 +107,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
         if self.singular > 0 {
             let what = format!(
-                "{} instances are left out because their scale or their transform is singular",
+                "{} instances are left out because their transform leaves a line or a point of them",
                 self.singular
             );
             self.scene.warnings.push(what);
@@ -243,6 +247,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     fn instance(&mut self, node: &Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
         self.budget.spend(1, size_of::<Instance>() as u64, &node.path)?;
+        let exact = to_world;
         let to_world = Affine3A::from_mat3_translation(
             to_world.matrix3.as_mat3(),
             to_world.translation.as_vec3(),
@@ -255,10 +260,22 @@ impl<'p, 'a> Assembly<'p, 'a> {
         if !(far + to_world.translation.abs()).is_finite() {
             return Err(Fault::new(node.path.as_str(), "its mesh leaves the range of numbers"));
         }
-        if to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite() {
+        let regular = to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite();
+        if regular && !is_flat(&exact) {
             self.scene.geometry.instances.push(Instance { mesh: placed.mesh, to_world });
-        } else {
+            return Ok(());
+        }
+        let geometry = &mut self.scene.geometry;
+        let mesh = &geometry.meshes[placed.mesh as usize];
+        self.budget.spend(mesh.positions.len() as u64, FLAT_VERTEX, &node.path)?;
+        self.budget.spend(mesh.indices.len() as u64, size_of::<[u32; 3]>() as u64, &node.path)?;
+        let mesh = flattened(mesh, &exact);
+        if mesh.indices.is_empty() {
             self.singular += 1;
+        } else {
+            let to_world = Affine3A::IDENTITY;
+            geometry.instances.push(Instance { mesh: geometry.meshes.len() as u32, to_world });
+            geometry.meshes.push(Arc::new(mesh));
         }
         Ok(())
     }

@@ -11,28 +11,32 @@ const DARK: f32 = 0.1;
 /// How many samples each pixel of `film`, all of which have had `spp`, needs in all for a relative
 /// standard error of `target`: a multiple of `spp`.
 ///
-/// Errors and means are averaged over the pixel and its neighbours. That makes the decision nearly
-/// independent of the pixel's own samples: a pixel judged by those alone would be kept where they
-/// happened to miss the light and refined where they happened to find it, which darkens the
-/// picture.
+/// A pixel is judged by its neighbours, never by itself: a pixel that has a say would be kept where
+/// its samples happened to miss the light and refined where they happened to find it, which darkens
+/// the picture. Pixels are sampled independently, so the number of samples is independent of their
+/// values and the mean over them is unbiased. A pixel without neighbours keeps what it has.
 pub fn samples_wanted(film: &Film, spp: u32, target: f32) -> Vec<u32> {
     let [width, height] = film.window_size().map(|n| n as usize);
-    let floor = DARK * film.mean_luminance();
     let noise: Vec<[f32; 2]> =
         film.pixels().iter().map(|p| [p.luminance_variance(), luminance(p.radiance())]).collect();
+    let light: f64 = noise.iter().map(|[_, mean]| f64::from(*mean)).sum();
+    let others = noise.len().saturating_sub(1).max(1) as f64;
     let mut wanted = Vec::with_capacity(noise.len());
     for y in 0..height {
         for x in 0..width {
             let (columns, rows) =
                 (x.saturating_sub(1)..width.min(x + 2), y.saturating_sub(1)..height.min(y + 2));
-            let count = (columns.len() * rows.len()) as f32;
+            let count = (columns.len() * rows.len() - 1).max(1) as f32;
+            let own = noise[y * width + x][1];
             let [mut variance, mut mean] = [0.0; 2];
             for row in rows {
-                for [v, m] in &noise[row * width + columns.start..row * width + columns.end] {
+                for column in columns.clone().filter(|column| (*column, row) != (x, y)) {
+                    let [v, m] = noise[row * width + column];
                     variance += v;
                     mean += m;
                 }
             }
+            let floor = DARK * ((light - f64::from(own)) / others) as f32;
             let allowed = target * (mean / count).max(floor);
             let factor = if variance > 0.0 { variance / count / (allowed * allowed) } else { 0.0 };
             // The maximum also takes the place of what is not a number.

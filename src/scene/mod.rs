@@ -1,5 +1,6 @@
 //! The immutable world that rays are traced in.
 
+mod emitters;
 mod world;
 
 pub use world::Scene;
