@@ -4,7 +4,7 @@ use super::tangents;
 use super::topology::drop_degenerate;
 use crate::geometry::TriangleMesh;
 use crate::math::{Vec3, Vec4};
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 
 /// A transform is flat where it shrinks one direction this much more than the others: less is left
 /// of that direction than single precision knows of the others.
@@ -38,11 +38,12 @@ pub(super) fn flattened(mesh: &TriangleMesh, to_world: &DAffine3) -> TriangleMes
     let linear = &to_world.matrix3;
     let mirrored = thickness(linear) < -SIDELESS;
     let of_normals = cofactors(linear) * if mirrored { -1.0 } else { 1.0 };
-    let scale = [of_normals.x_axis, of_normals.y_axis, of_normals.z_axis]
-        .map(|axis| axis.abs().max_element())
+    // The longest column; of a flattened object all of them are along the normal of its plane.
+    let plane = [of_normals.x_axis, of_normals.y_axis, of_normals.z_axis]
         .into_iter()
-        .fold(f64::MIN_POSITIVE, f64::max)
-        .recip();
+        .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+        .unwrap_or(DVec3::Y);
+    let scale = plane.length().max(f64::MIN_POSITIVE).recip();
     let mut flat = mesh.clone();
     let to_plane = |p: &mut Vec3| *p = to_world.transform_point3(p.as_dvec3()).as_vec3();
     flat.positions.to_mut().iter_mut().for_each(to_plane);
@@ -51,7 +52,9 @@ pub(super) fn flattened(mesh: &TriangleMesh, to_world: &DAffine3) -> TriangleMes
     }
     let along = |v: Vec3| (*linear * v.as_dvec3()).normalize_or_zero().as_vec3();
     for n in flat.normals.iter_mut().flatten() {
-        *n = (of_normals * n.as_dvec3() * scale).as_vec3();
+        let world = of_normals * n.as_dvec3() * scale;
+        // What looked along the plane says nothing of its side.
+        *n = if world.length() > SIDELESS { world } else { plane * scale }.as_vec3();
     }
     let sign = if mirrored { -1.0 } else { 1.0 };
     for t in flat.tangents.iter_mut().flatten() {
