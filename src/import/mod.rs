@@ -11,8 +11,8 @@
 //!
 //! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations
 //! only those that move cameras are read. Points and lines are left out with a warning, and so
-//! are triangles without area and instances whose transform is singular. Meshes that several nodes
-//! show are stored once.
+//! are triangles without area and instances whose transform leaves a line or a point of them.
+//! Meshes that several nodes show are stored once, flattened ones once for each node.
 //!
 //! # How strict it is
 //!
@@ -74,6 +74,7 @@ mod fault;
 mod schema;
 mod tangents;
 mod topology;
+mod flat;
 mod value;
 mod budget;
 mod check;

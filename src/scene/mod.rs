@@ -1,6 +1,7 @@
 //! The immutable world that rays are traced in.
 
 mod origin;
+mod emitters;
 mod world;
 
 pub use origin::{Part, center, middle};

@@ -378,9 +378,9 @@ pub(super) fn reflected(
     }
     let mut radiance = light.radiance;
     if let LightSource::Triangle { instance, triangle, u, v } = light.source
-        && scene.emission_is_textured(instance)
+        && scene.emission_varies(instance)
     {
-        radiance = scene.emission_at(instance, triangle, u, v, light.wi);
+        radiance = scene.sent_at(instance, triangle, u, v, light.wi);
     }
     let weight = |pdf: f32| if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
     let (for_diffuse, for_glossy) = match sampled {
