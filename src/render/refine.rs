@@ -99,7 +99,7 @@ mod tests {
         };
         let mut sum = 0.0;
         for _ in 0..films {
-            let mut film = Film::new([32, 8], [0, 0, 32, 8]);
+            let mut film = Film::new([32, 8], [0, 0, 32, 8]).unwrap();
             for pixel in film.pixels_mut() {
                 (0..spp).for_each(|_| pixel.add(&sample()));
             }
