@@ -1,7 +1,7 @@
 //! What the commands share: printing, threads behind a progress bar, Ctrl-C, and some arguments.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lumicache::error::{Error, Result};
+use lumicache::error::{Error, Result, one_line};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::workers;
 use std::io::{IsTerminal, Write};
@@ -23,6 +23,11 @@ pub fn print(text: &[u8]) -> Result<()> {
 
 pub fn print_line(text: &str) -> Result<()> {
     print(format!("{text}\n").as_bytes())
+}
+
+/// Tells the user, on one line.
+pub fn warn(text: &str) {
+    eprintln!("lumicache: warning: {}", one_line(text));
 }
 
 /// Names `file` in a fault that does not know whose fault it is.
@@ -79,7 +84,7 @@ fn cancel_on_interrupt(progress: &Arc<Progress>) {
         progress.cancel();
     });
     if let Err(error) = installed {
-        eprintln!("lumicache: warning: Ctrl-C will not save the image so far: {error}");
+        warn(&format!("Ctrl-C will not save the image so far: {error}"));
     }
 }
 

@@ -3,6 +3,7 @@
 use super::accessor::{Accessor, Accessors};
 use super::budget::Budget;
 use super::fault::{Fault, Parsed};
+use super::warnings::Warnings;
 use gltf::accessor::DataType;
 
 /// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element
@@ -10,12 +11,13 @@ use gltf::accessor::DataType;
 ///
 /// `work` bounds the bytes that are looked at: thousands of accessors may share the same ones.
 pub(super) fn check(
-    accessors: &Accessors, work: &mut Budget, warnings: &mut Vec<String>,
+    accessors: &Accessors, work: &mut Budget, warnings: &mut Warnings,
 ) -> Parsed<()> {
     let mut loose = 0;
     for accessor in &accessors.list {
-        if let (Some(layout), Some(_)) = (accessor.layout, accessor.view) {
-            work.spend(accessor.count, layout.element(), &accessor.path)?;
+        if let Some(layout) = accessor.layout {
+            let count = if accessor.view.is_some() { accessor.count } else { 0 };
+            work.spend(count + accessor.replaced(), layout.element() + 8, &accessor.path)?;
         }
         loose += usize::from(check_one(accessors, accessor)?);
     }

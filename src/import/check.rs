@@ -9,11 +9,12 @@
 
 use super::fault::{Fault, Parsed, quote};
 use super::schema::{self, Field, Kind, Need, Unknown};
+use super::warnings::Warnings;
 use serde_json::{Map, Value, json};
 use std::fmt::{Display, Write};
 
 /// Checks a document, in place.
-pub(super) fn document(root: &mut Value, warnings: &mut Vec<String>) -> Parsed<()> {
+pub(super) fn document(root: &mut Value, warnings: &mut Warnings) -> Parsed<()> {
     let counts = counts(root);
     Checker { counts, path: String::new(), warnings }.value(&schema::ROOT, root)?;
     let animations = root.get_mut("animations").and_then(Value::as_array_mut);
@@ -40,7 +41,7 @@ fn animation(index: usize, animation: &mut Value) -> Parsed<()> {
 
 /// Checks the property `asset`, which says for which version of glTF a file is written, and so
 /// whether the rest is to be understood at all.
-pub(super) fn asset(root: &Value, warnings: &mut Vec<String>) -> Parsed<()> {
+pub(super) fn asset(root: &Value, warnings: &mut Warnings) -> Parsed<()> {
     let Some(map) = root.as_object() else {
         return Err(Fault::new("", format!("must be an object, and is {}", described(root))));
     };
@@ -86,7 +87,7 @@ fn version(asset: &Value, key: &str) -> Parsed<Option<(u64, u64)>> {
 /// Checks an object of our own that stands alone, for tests.
 #[cfg(test)]
 pub(super) fn alone(kind: &Kind, value: &mut Value) -> Parsed<()> {
-    let mut warnings = Vec::new();
+    let mut warnings = Warnings::new(true);
     Checker { counts: counts(value), path: String::new(), warnings: &mut warnings }
         .value(kind, value)
 }
@@ -104,7 +105,7 @@ struct Checker<'w> {
     counts: Vec<(&'static str, usize)>,
     /// Where the check stands.
     path: String,
-    warnings: &'w mut Vec<String>,
+    warnings: &'w mut Warnings,
 }
 
 impl Checker<'_> {
@@ -176,10 +177,11 @@ impl Checker<'_> {
             }
             Kind::List(kind, least) => {
                 self.list(kind, None, value)?;
-                if value.as_array().is_some_and(|array| array.len() < *least) {
-                    return self.fault("an empty array is not allowed here: leave it out");
+                match value.as_array().is_some_and(Vec::is_empty) {
+                    false => Ok(()),
+                    true if *least > 0 => self.fault("it must not be empty"),
+                    true => self.warnings.mend(&self.path, "an empty array, which is ignored"),
                 }
-                Ok(())
             }
             Kind::Tuple(kind, length) => self.list(kind, Some(*length), value),
             Kind::Object(fields) => self.object(fields, value),
@@ -210,8 +212,8 @@ impl Checker<'_> {
                     .fault(format!("{name} is unknown here; known are {}", known.join(", ")));
             }
             Unknown::First => {
-                self.warnings
-                    .push(format!("{}: {name} is unknown; taken as {}", self.path, known[0]));
+                let what = format!("{}: {name} is unknown; taken as {}", self.path, known[0]);
+                self.warnings.push(what);
                 *value = known[0].into();
             }
             Unknown::Kept => self.warn_of(&name),
@@ -229,18 +231,25 @@ impl Checker<'_> {
         if !(x as f32).is_finite() {
             return self.fault(format!("the number {x:e} is too large"));
         }
-        // Exporters write bounds with a rounding error.
-        let slack = 1e-5;
+        if (low..=high).contains(&x) {
+            return Ok(());
+        }
+        let what = match high.is_finite() {
+            true => format!("{x} is not from {low} to {high}"),
+            false => format!("{x} is less than {low}"),
+        };
+        // What is further away may be meant as percents, as bytes, or in another way.
+        let slack = if high.is_finite() { high - low } else { 1e-5 };
         if x < low - slack || x > high + slack {
-            return self.fault(match high.is_finite() {
-                true => format!("{x} is not from {low} to {high}"),
-                false => format!("{x} is less than {low}"),
-            });
+            return self.fault(what);
         }
-        if x < low || x > high {
-            *value = x.clamp(low, high).into();
+        let nearest = x.clamp(low, high);
+        *value = nearest.into();
+        // Less than single precision tells apart is no news.
+        if (x - nearest).abs() <= 1e-6 {
+            return Ok(());
         }
-        Ok(())
+        self.warnings.mend(&self.path, format!("{what}; taken as {nearest}"))
     }
 
     /// An integer of at least 0.
@@ -347,7 +356,7 @@ mod tests {
     fn complaints_name_the_place() {
         let node = |node: Value| {
             let mut document = json!({"asset": {"version": "2.0"}, "nodes": [node]});
-            let fault = super::document(&mut document, &mut Vec::new()).unwrap_err();
+            let fault = super::document(&mut document, &mut Warnings::default()).unwrap_err();
             format!("{}: {}", fault.path, fault.what)
         };
         for (object, says) in [
@@ -373,17 +382,26 @@ mod tests {
             "asset": {"version": "2.0"},
             "scene": 0.0,
             "scenes": [{"foo": 1}],
-            "materials": [{"alphaMode": "x", "pbrMetallicRoughness": {"metallicFactor": 1.000001}}],
+            "materials": [{"alphaMode": "x", "pbrMetallicRoughness": {"metallicFactor": 1.001}}],
+            "images": [],
         });
-        let mut warnings = Vec::new();
+        let mut warnings = Warnings::default();
         super::document(&mut document, &mut warnings).unwrap();
         let wanted = json!({
             "asset": {"version": "2.0"},
             "scene": 0,
             "scenes": [{"nodes": []}],
             "materials": [{"alphaMode": "OPAQUE", "pbrMetallicRoughness": {"metallicFactor": 1.0}}],
+            "images": [],
         });
         assert_eq!(document, wanted);
-        assert_eq!(warnings, ["/materials/0/alphaMode: \"x\" is unknown; taken as OPAQUE"]);
+        assert_eq!(
+            warnings.lines(),
+            [
+                "/materials/0/pbrMetallicRoughness/metallicFactor: 1.001 is not from 0 to 1; taken as 1",
+                "/materials/0/alphaMode: \"x\" is unknown; taken as OPAQUE",
+                "/images: an empty array, which is ignored",
+            ]
+        );
     }
 }

@@ -1,7 +1,10 @@
 //! A document: its text parsed and checked, and read by the crate `gltf`.
 
+use super::budget::Budget;
 use super::container::{self, Container};
 use super::fault::{Fault, Parsed};
+use super::uri::Folder;
+use super::warnings::Warnings;
 use super::{check, extensions, parse};
 use gltf::json;
 use serde::Deserialize;
@@ -19,21 +22,29 @@ pub(super) struct Document<'a> {
     /// The file around the text.
     pub container: Container<'a>,
     /// The folder of the file.
-    pub folder: &'a Path,
+    pub folder: Folder,
 }
 
 impl<'a> Document<'a> {
-    /// Reads the document in the bytes of the file at `path`.
-    pub fn read(bytes: &'a [u8], path: &'a Path, warnings: &mut Vec<String>) -> Parsed<Self> {
+    /// Reads the document in the bytes of the file at `path`; `outside` allows files outside its
+    /// folder.
+    pub fn read(
+        bytes: &'a [u8], path: &Path, outside: bool, budget: &mut Budget, warnings: &mut Warnings,
+    ) -> Parsed<Self> {
         let container = container::split(bytes, path, warnings)?;
-        let mut json = parse::parse(container.json)?;
+        let mut json = parse::parse(container.json, budget)?;
         check::asset(&json, warnings)?;
         extensions::check(&json)?;
         check::document(&mut json, warnings)?;
+        // Nodes are many, and read from the JSON alone.
+        let nodes = json.get_mut("nodes").map(Value::take);
         let root = json::Root::deserialize(&json)
             .map_err(|e| Fault::new("", format!("not a glTF document: {e}")))?;
+        if let Some(nodes) = nodes {
+            json["nodes"] = nodes;
+        }
         let gltf = gltf::Document::from_json_without_validation(root);
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = Folder::of(path, outside);
         Ok(Self { gltf, json, container, folder })
     }
 

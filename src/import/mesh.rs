@@ -6,6 +6,7 @@ use super::document::Document;
 use super::fault::{Fault, Parsed, label, name};
 use super::topology::{self, Mode};
 use super::value::index;
+use super::warnings::Warnings;
 use crate::geometry::TriangleMesh;
 use crate::math::{Vec2, Vec3, Vec4};
 use gltf::json::{mesh as json, validation::Checked};
@@ -58,7 +59,7 @@ pub(super) struct Mesh {
 
 /// Reads and checks all meshes of the document.
 pub(super) fn meshes(
-    document: &Document, accessors: &Accessors, warnings: &mut Vec<String>,
+    document: &Document, accessors: &Accessors, warnings: &mut Warnings,
 ) -> Parsed<Vec<Mesh>> {
     let mut meshes = Vec::new();
     for (i, mesh) in document.root().meshes.iter().enumerate() {

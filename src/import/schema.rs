@@ -27,7 +27,7 @@ pub(super) enum Kind {
     Count,
     /// An index into this array of [`ARRAYS`].
     To(&'static str),
-    /// An array of at least so many values.
+    /// An array; an empty one is mended where so many values are 0, else an error.
     List(&'static Kind, usize),
     /// An array of exactly so many values.
     Tuple(&'static Kind, usize),
@@ -77,6 +77,7 @@ const UNSIGNED: Kind = Number(0.0, f64::INFINITY);
 const RGB: Kind = Tuple(&UNSIGNED, 3);
 const ACCESSORS: Kind = To("accessors");
 const NODES: Kind = To("nodes");
+const IMAGES: Kind = To("images");
 const TEXTURES: Kind = To("textures");
 const VIEWS: Kind = To("bufferViews");
 const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
@@ -117,12 +118,12 @@ macro_rules! need {
 
 objects! {
     ROOT: asset[!] = ASSET, extensionsUsed = List(&Text, 0), extensionsRequired = List(&Text, 0),
-        extensions = ROOT_EXTENSIONS, scene = To("scenes"), scenes = List(&SCENE, 1),
-        nodes = List(&NODE, 1), meshes = List(&MESH, 1), accessors = List(&ACCESSOR, 1),
-        buffers = List(&BUFFER, 1), bufferViews = List(&BUFFER_VIEW, 1), skins = List(&SKIN, 1),
-        materials = List(&MATERIAL, 1), textures = List(&TEXTURE, 1), images = List(&IMAGE, 1),
-        samplers = List(&SAMPLER, 1), cameras = List(&CAMERA, 1),
-        animations = List(&ANIMATION, 1);
+        extensions = ROOT_EXTENSIONS, scene = To("scenes"), scenes = List(&SCENE, 0),
+        nodes = List(&NODE, 0), meshes = List(&MESH, 0), accessors = List(&ACCESSOR, 0),
+        buffers = List(&BUFFER, 0), bufferViews = List(&BUFFER_VIEW, 0), skins = List(&SKIN, 0),
+        materials = List(&MATERIAL, 0), textures = List(&TEXTURE, 0), images = List(&IMAGE, 0),
+        samplers = List(&SAMPLER, 0), cameras = List(&CAMERA, 0),
+        animations = List(&ANIMATION, 0);
     ONLY_ASSET: asset[!] = ASSET;
     ASSET: version[!] = Text, minVersion = Text;
     ROOT_EXTENSIONS: KHR_lights_punctual = LIGHT_LIST, EXT_lights_ies = IES_LIST;
@@ -130,7 +131,7 @@ objects! {
     IES_LIST: lights[+] = List(&IES_LIGHT, 0);
 
     SCENE: name = Text, nodes[+] = List(&NODES, 0);
-    NODE: name = Text, children[+] = List(&NODES, 0), matrix = Tuple(&NUMBER, 16),
+    NODE: name = Text, children = List(&NODES, 0), matrix = Tuple(&NUMBER, 16),
         translation = Tuple(&NUMBER, 3), rotation = Tuple(&NUMBER, 4), scale = Tuple(&NUMBER, 3),
         mesh = To("meshes"), skin = To("skins"), camera = To("cameras"),
         weights = List(&NUMBER, 0), extensions = NODE_EXTENSIONS,
@@ -144,7 +145,7 @@ objects! {
     SKIN: name = Text, skeleton = NODES, joints[!] = List(&NODES, 1),
         inverseBindMatrices = ACCESSORS;
 
-    MESH: name = Text, primitives[!] = List(&PRIMITIVE, 1), weights[+] = List(&NUMBER, 0);
+    MESH: name = Text, primitives[!] = List(&PRIMITIVE, 0), weights[+] = List(&NUMBER, 0);
     PRIMITIVE: attributes[!] = Attributes, indices = ACCESSORS, material = To("materials"),
         mode = Codes(&[0, 1, 2, 3, 4, 5, 6], Refused), targets[+] = List(&Attributes, 0),
         extensions = PRIMITIVE_EXTENSIONS;
@@ -190,11 +191,11 @@ objects! {
         minFilter = Codes(&[9728, 9729, 9984, 9985, 9986, 9987], Refused),
         wrapS = Codes(&[33071, 33648, 10497], Refused),
         wrapT = Codes(&[33071, 33648, 10497], Refused);
-    // A source that refers to nowhere is an error only where a material uses the texture.
-    TEXTURE: name = Text, sampler = To("samplers"), source = Integer,
+    TEXTURE: name = Text, sampler = To("samplers"), source = IMAGES,
         extensions = TEXTURE_EXTENSIONS;
-    TEXTURE_EXTENSIONS: EXT_texture_webp = WEBP;
-    WEBP: source = Integer;
+    TEXTURE_EXTENSIONS: EXT_texture_webp = OTHER_IMAGE, KHR_texture_basisu = OTHER_IMAGE,
+        MSFT_texture_dds = OTHER_IMAGE, EXT_texture_avif = OTHER_IMAGE;
+    OTHER_IMAGE: source = IMAGES;
     // A normal texture has a scale, and the others have none.
     TEXTURE_INFO: index[!] = TEXTURES, texCoord = Set, scale = NUMBER,
         extensions = INFO_EXTENSIONS;
@@ -210,7 +211,7 @@ objects! {
         extensions = MATERIAL_EXTENSIONS, extras = Extras(&Brdf);
     METALLIC_ROUGHNESS: baseColorFactor = Tuple(&UNIT, 4), baseColorTexture = TEXTURE_INFO,
         metallicFactor = UNIT, roughnessFactor = UNIT, metallicRoughnessTexture = TEXTURE_INFO;
-    OCCLUSION: index[!] = Integer, strength = UNIT;
+    OCCLUSION: index[!] = TEXTURES, strength = UNIT;
     MATERIAL_EXTENSIONS: KHR_materials_clearcoat = CLEARCOAT,
         KHR_materials_emissive_strength = EMISSIVE_STRENGTH, KHR_materials_ior = IOR,
         KHR_materials_pbrSpecularGlossiness = SPECULAR_GLOSSINESS,

@@ -286,7 +286,7 @@ impl Bidirectional<'_> {
             f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
         let (end, before) = self.before_light(work, s, scattering.to_light);
         let mut ray = self.tracer.scene.spawn(&v.point, view.to_camera);
-        ray.tmax = view.distance;
+        ray.tmax = view.clear;
         Some(Link {
             light,
             end,
