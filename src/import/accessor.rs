@@ -167,6 +167,7 @@ impl Format {
     /// Of instances.
     pub const ROTATIONS: Self = Self(&[Vec4], &Self::SIGNED);
     pub const ANIMATED_ROTATIONS: Self = Self(&[Vec4], &Self::FRACTIONS);
+    pub const ANIMATED_WEIGHTS: Self = Self(&[Scalar], &Self::FRACTIONS);
     /// What morph targets add to normals and tangents is stored like positions.
     pub const POSITION: Self = Self(&[Vec3], &Self::ANY);
     pub const NORMAL: Self = Self(&[Vec3], &Self::SIGNED);

@@ -35,12 +35,18 @@ pub(super) fn motions(
         for (k, channel) in animation.channels.iter().enumerate() {
             // The node of an unknown property need not be there.
             let Checked::Valid(property) = channel.target.path else { continue };
-            let Some(joint) = joints.get_mut(&channel.target.node.value()) else { continue };
             let sampler = channel.sampler.value();
             let sampler = Sampler {
                 json: &animation.samplers[sampler],
                 path: format!("/animations/{i}/samplers/{sampler}"),
                 accessors,
+            };
+            let Some(joint) = joints.get_mut(&channel.target.node.value()) else {
+                // It moves nothing that is shown.
+                if let Err(Fault { path, what, .. }) = sampler.check(property) {
+                    warnings.mend(&path, what)?;
+                }
+                continue;
             };
             let first = match property {
                 Property::Translation => {
@@ -53,9 +59,9 @@ pub(super) fn motions(
                 Property::MorphTargetWeights => true,
             };
             if !first {
-                warnings.push(format!(
-                    "/animations/{i}/channels/{k}: another animation has this property of the node already, and counts alone"
-                ));
+                let what =
+                    "another animation has this property of the node already, and counts alone";
+                warnings.push(format!("/animations/{i}/channels/{k}: {what}"));
             }
         }
     }
@@ -126,6 +132,34 @@ struct Sampler<'s, 'a> {
 }
 
 impl Sampler<'_, '_> {
+    /// Checks what times and values are stored as, and their number.
+    fn check(&self, property: Property) -> Parsed<()> {
+        let Self { json, path, accessors } = self;
+        let format = match property {
+            Property::Translation | Property::Scale => &Format::VECTORS,
+            Property::Rotation => &Format::ANIMATED_ROTATIONS,
+            Property::MorphTargetWeights => &Format::ANIMATED_WEIGHTS,
+        };
+        let (input, output) = (format!("{path}/input"), format!("{path}/output"));
+        let times = accessors.expect(json.input.value(), &Format::SCALARS, &input)?.count;
+        let values = accessors.expect(json.output.value(), format, &output)?.count;
+        let wanted = times.saturating_mul(if self.is_cubic() { 3 } else { 1 });
+        let fits = match property {
+            Property::MorphTargetWeights => values.is_multiple_of(wanted),
+            _ => values == wanted,
+        };
+        if fits {
+            return Ok(());
+        }
+        let what =
+            format!("{times} keyframes of this interpolation need {wanted} values, not {values}");
+        Err(Fault::new(output, what))
+    }
+
+    fn is_cubic(&self) -> bool {
+        matches!(self.json.interpolation, Checked::Valid(Kind::CubicSpline))
+    }
+
     fn track<const N: usize>(&self, format: &Format, budget: &mut Budget) -> Parsed<Track<N>> {
         let Self { json, path, accessors } = self;
         let (input, output) = (format!("{path}/input"), format!("{path}/output"));

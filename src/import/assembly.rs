@@ -158,10 +158,6 @@ impl<'p, 'a> Assembly<'p, 'a> {
             let mut built = mesh::build(primitive, weights, self.parts.accessors, self.budget)?;
             let mut to_world = DAffine3::IDENTITY;
             if built.influences.sets == 0 {
-                self.warnings.push(format!(
-                    "{}: it has no joints, so its skin does nothing",
-                    primitive.path
-                ));
                 to_world = node.to_world;
             } else {
                 skin::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;

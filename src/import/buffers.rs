@@ -157,6 +157,10 @@ impl<'a> Reader<'_, 'a> {
             Data::Own(bytes) => bytes.len() as u64,
             Data::Absent(_) => declared,
         };
+        if actual > declared && matches!(data, Data::Own(_)) {
+            let what = "the data is longer than that";
+            self.warnings.allow(&format!("{path}/byteLength"), what)?;
+        }
         if actual < declared {
             let what = format!("{declared} bytes are declared, and only {actual} are there");
             return Err(Fault::new(format!("{path}/byteLength"), what));
@@ -181,12 +185,12 @@ impl<'a> Reader<'_, 'a> {
                 let known = ["", "application/octet-stream", "application/gltf-buffer"];
                 if !known.contains(&media_type.as_str()) {
                     let what = format!(
-                        "a buffer's data URI must be of type {} or {}, not {}",
+                        "a buffer's data URI should be of type {} or {}, not {}",
                         known[1],
                         known[2],
                         quote(&media_type)
                     );
-                    return Err(Fault::new(at, what));
+                    self.warnings.mend(&at, what)?;
                 }
                 Ok(Data::Own(Arc::new(bytes)))
             }

@@ -64,10 +64,10 @@ fn camera(json: &json::Camera, path: &str, warnings: &mut Warnings) -> Parsed<Op
         Checked::Valid(json::Type::Orthographic) => {
             let lens = json.orthographic.as_ref().ok_or_else(|| missing("orthographic"))?;
             depths("orthographic", lens.znear, Some(lens.zfar))?;
-            for (key, magnification) in [("xmag", lens.xmag), ("ymag", lens.ymag)] {
-                if magnification == 0.0 {
-                    return Err(Fault::new(format!("{path}/orthographic/{key}"), "must not be 0"));
-                }
+            if lens.xmag == 0.0 || lens.ymag == 0.0 {
+                let what = "a magnification is 0; the camera is left out";
+                warnings.mend(&format!("{path}/orthographic"), what)?;
+                return Ok(None);
             }
             if lens.xmag < 0.0 || lens.ymag < 0.0 {
                 warnings.push(format!(

@@ -11,12 +11,27 @@ use super::fault::{Fault, Parsed, quote};
 use super::schema::{self, Field, Kind, Need, Unknown};
 use super::warnings::Warnings;
 use serde_json::{Map, Value, json};
+use std::collections::{BTreeSet, HashSet};
 use std::fmt::{Display, Write};
 
 /// Checks a document, in place.
 pub(super) fn document(root: &mut Value, warnings: &mut Warnings) -> Parsed<()> {
     let counts = counts(root);
-    Checker { counts, path: String::new(), warnings }.value(&schema::ROOT, root)?;
+    let mut checker = Checker { counts, path: String::new(), warnings, used: BTreeSet::new() };
+    checker.value(&schema::ROOT, root)?;
+    let used = checker.used;
+    let listed = |list: &str| root[list].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let declared: BTreeSet<&str> = listed("extensionsUsed").collect();
+    for name in used.iter().map(String::as_str).filter(|name| !declared.contains(name)) {
+        let what = format!("the extension {} is used and not listed here", quote(name));
+        warnings.allow("/extensionsUsed", &what)?;
+    }
+    for (i, name) in listed("extensionsRequired").enumerate() {
+        if !declared.contains(name) {
+            let what = format!("{} is not listed in extensionsUsed", quote(name));
+            warnings.mend(&format!("/extensionsRequired/{i}"), what)?;
+        }
+    }
     let animations = root.get_mut("animations").and_then(Value::as_array_mut);
     animations.into_iter().flatten().enumerate().try_for_each(|(i, value)| animation(i, value))
 }
@@ -47,7 +62,7 @@ pub(super) fn asset(root: &Value, warnings: &mut Warnings) -> Parsed<()> {
     };
     let asset = map.get("asset").map(|asset| ("asset", asset.clone()));
     let mut part: Value = asset.into_iter().collect();
-    Checker { counts: Vec::new(), path: String::new(), warnings }
+    Checker { counts: Vec::new(), path: String::new(), warnings, used: BTreeSet::new() }
         .value(&schema::ONLY_ASSET, &mut part)?;
     let asset = &part["asset"];
     let Some(version) = version(asset, "version")? else { return Ok(()) };
@@ -88,8 +103,8 @@ fn version(asset: &Value, key: &str) -> Parsed<Option<(u64, u64)>> {
 #[cfg(test)]
 pub(super) fn alone(kind: &Kind, value: &mut Value) -> Parsed<()> {
     let mut warnings = Warnings::new(true);
-    Checker { counts: counts(value), path: String::new(), warnings: &mut warnings }
-        .value(kind, value)
+    let (path, used) = (String::new(), BTreeSet::new());
+    Checker { counts: counts(value), path, warnings: &mut warnings, used }.value(kind, value)
 }
 
 /// The lengths of the arrays that indices point into.
@@ -106,6 +121,8 @@ struct Checker<'w> {
     /// Where the check stands.
     path: String,
     warnings: &'w mut Warnings,
+    /// The extensions that objects have.
+    used: BTreeSet<String>,
 }
 
 impl Checker<'_> {
@@ -163,17 +180,26 @@ impl Checker<'_> {
                     Unknown::Refused => {
                         return self.fault(format!("{code} is unknown here; known are {known:?}"));
                     }
+                    Unknown::First => {
+                        *value = known[0].into();
+                        let what = format!("{code} is unknown; taken as {}", known[0]);
+                        return self.warnings.mend(&self.path, what);
+                    }
                     _ => self.warn_of(&code.to_string()),
                 }
                 Ok(())
             }
-            Kind::To(array) => {
+            Kind::To(array) | Kind::Perhaps(array) => {
                 let index = self.integer(value)?;
                 let count = self.counts.iter().find(|(name, _)| name == array).map_or(0, |c| c.1);
                 if index < count as u64 {
                     return Ok(());
                 }
-                self.fault(format!("refers to /{array}/{index}, and {array} has {count}"))
+                let what = format!("refers to /{array}/{index}, and {array} has {count}");
+                match kind {
+                    Kind::Perhaps(_) => self.warnings.mend(&self.path, what),
+                    _ => self.fault(what),
+                }
             }
             Kind::List(kind, least) => {
                 self.list(kind, None, value)?;
@@ -188,6 +214,11 @@ impl Checker<'_> {
             Kind::Closed(kind) => {
                 self.refuse_unknown(kind, value)?;
                 self.value(kind, value)
+            }
+            Kind::Unread(kind) => {
+                self.value(kind, value)?;
+                *value = json!({});
+                Ok(())
             }
             Kind::Attributes => self.attributes(value),
             Kind::Extras(own) => match value.get_mut("lumicache") {
@@ -262,6 +293,7 @@ impl Checker<'_> {
         match value.as_f64() {
             Some(x) if exact(&x) => {
                 *value = (x as u64).into();
+                self.warnings.allow(&self.path, "an integer is written with a fraction")?;
                 Ok(x as u64)
             }
             Some(_) => self.fault(format!("must be an integer of at least 0, and is {value}")),
@@ -275,12 +307,51 @@ impl Checker<'_> {
             let what = format!("must have {length} elements, and has {}", elements.len());
             return self.fault(what);
         }
-        elements.iter_mut().enumerate().try_for_each(|(i, value)| self.below(i, kind, value))
+        elements.iter_mut().enumerate().try_for_each(|(i, value)| self.below(i, kind, value))?;
+        if matches!(kind, Kind::To(_) | Kind::Text) {
+            let mut seen = HashSet::new();
+            if let Some(twice) = elements.iter().find(|element| !seen.insert(*element)) {
+                let what = match twice {
+                    Value::String(text) => format!("it lists {} twice", quote(text)),
+                    _ => format!("it lists {twice} twice"),
+                };
+                return self.warnings.mend(&self.path, what);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks where extensions stand: those that we know may not be anywhere.
+    fn extensions(&mut self, fields: &[Field], value: &Value) -> Parsed<()> {
+        let Value::Object(map) = value else {
+            let what = format!("must be an object, and is {}", described(value));
+            return Err(Fault::new(format!("{}/extensions", self.path), what));
+        };
+        let here = fields.iter().find(|field| field.name == "extensions").map(|field| &field.kind);
+        let here = if let Some(Kind::Object(fields)) = here { fields } else { &[][..] };
+        for (name, value) in map {
+            let at = format!("{}/extensions/{name}", self.path);
+            self.used.insert(name.clone());
+            if schema::PLACED.contains(&name.as_str())
+                && here.iter().all(|field| field.name != name)
+            {
+                self.warnings.mend(&at, "this extension means nothing here, and is ignored")?;
+            } else if !value.is_object() {
+                return Err(Fault::new(
+                    at,
+                    format!("must be an object, and is {}", described(value)),
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Checks the properties of an object, and removes those that the schema does not name.
     fn object(&mut self, fields: &[Field], value: &mut Value) -> Parsed<()> {
         let Value::Object(map) = value else { return self.mismatch("an object", value) };
+        if let Some(extensions) = map.get("extensions") {
+            self.extensions(fields, extensions)?;
+        }
         map.retain(|key, _| fields.iter().any(|field| field.name == key));
         for field in fields {
             if let Some(value) = map.get_mut(field.name) {
@@ -314,16 +385,30 @@ impl Checker<'_> {
         }
     }
 
-    /// The attributes of a primitive: those that are read must refer to accessors, the others go.
+    /// The attributes of a primitive: all must refer to accessors, and those that are not read go.
     fn attributes(&mut self, value: &mut Value) -> Parsed<()> {
         let Value::Object(map) = value else { return self.mismatch("an object", value) };
-        // The crate would take JOINTS_01 for JOINTS_1.
-        let set = |number: &str| number == "0" || number.starts_with(|c| ('1'..='9').contains(&c));
+        if map.is_empty() {
+            self.warnings.mend(&self.path, "it has no attributes, and shows nothing")?;
+        }
+        map.iter_mut()
+            .try_for_each(|(key, value)| self.below(key, &Kind::To("accessors"), value))?;
+        for key in map.keys().filter(|key| !key.starts_with('_')) {
+            let at = format!("{}/{key}", self.path);
+            let set = schema::SETS.iter().find_map(|set| numbered(key, set));
+            match set {
+                None if schema::ATTRIBUTES.contains(&key.as_str()) => {}
+                None => self.warnings.mend(&at, "an attribute that glTF does not know")?,
+                Some((_, 0)) => {}
+                Some((set, number)) if map.contains_key(&format!("{set}{}", number - 1)) => {}
+                Some(_) => self.warnings.mend(&at, "the attribute before it is missing")?,
+            }
+        }
         map.retain(|key, _| {
-            let skinned = key.strip_prefix("JOINTS_").or(key.strip_prefix("WEIGHTS_"));
-            schema::ATTRIBUTES.contains(&key.as_str()) || skinned.is_some_and(set)
+            let skinned = numbered(key, "JOINTS_").or(numbered(key, "WEIGHTS_"));
+            schema::ATTRIBUTES.contains(&key.as_str()) || skinned.is_some()
         });
-        map.iter_mut().try_for_each(|(key, value)| self.below(key, &Kind::To("accessors"), value))
+        Ok(())
     }
 
     fn brdf(&mut self, value: &mut Value) -> Parsed<()> {
@@ -335,6 +420,14 @@ impl Checker<'_> {
         };
         self.value(&brdf, value)
     }
+}
+
+/// The prefix and the number of an attribute of which there may be several. The crate would take
+/// JOINTS_01 for JOINTS_1.
+fn numbered<'p>(key: &str, prefix: &'p str) -> Option<(&'p str, u32)> {
+    let digits = key.strip_prefix(prefix)?;
+    let number: u32 = digits.parse().ok()?;
+    (number.to_string() == digits).then_some((prefix, number))
 }
 
 fn described(value: &Value) -> &'static str {

@@ -6,9 +6,8 @@ use super::fault::{Fault, Parsed};
 use super::uri::Folder;
 use super::warnings::Warnings;
 use super::{check, extensions, parse};
-use gltf::json;
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// A document that has passed the check.
@@ -37,8 +36,8 @@ impl<'a> Document<'a> {
         extensions::check(&json)?;
         check::document(&mut json, warnings)?;
         // Nodes are many, and read from the JSON alone.
-        let nodes = json.get_mut("nodes").map(Value::take);
-        let root = json::Root::deserialize(&json)
+        let nodes = json.get_mut("nodes").map(|nodes| std::mem::replace(nodes, json!([])));
+        let root = gltf::json::Root::deserialize(&json)
             .map_err(|e| Fault::new("", format!("not a glTF document: {e}")))?;
         if let Some(nodes) = nodes {
             json["nodes"] = nodes;
@@ -49,7 +48,7 @@ impl<'a> Document<'a> {
     }
 
     /// The document as plain structs.
-    pub fn root(&self) -> &json::Root {
+    pub fn root(&self) -> &gltf::json::Root {
         self.gltf.as_json()
     }
 }

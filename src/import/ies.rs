@@ -44,8 +44,8 @@ fn tilt_file(name: &str, path: &Path, folder: &Folder) -> std::result::Result<Ve
     {
         return Err("only a file beside the IES file is read".to_owned());
     }
-    let beside = std::path::absolute(path.with_file_name(name)).map_err(|e| e.to_string())?;
-    let file = folder.file(&beside.to_string_lossy()).ok_or_else(|| format!("it {OUTSIDE}"))?;
+    let beside = path.with_file_name(name);
+    let file = folder.file_at(&beside).ok_or_else(|| format!("it {OUTSIDE}"))?;
     let mut budget = Budget::new(Some(LONGEST_FILE));
     uri::read(&file, "", LONGEST_FILE, &mut budget).map_err(|fault| fault.what)
 }

@@ -217,9 +217,10 @@ fn read(
     let document = Document::read(bytes, path, options.allow_outside, budget, warnings)?;
     let buffers = Buffers::parse(&document, budget, warnings)?;
     let accessors = Accessors::parse(&document, buffers)?;
-    accessor_check::check(&accessors, &mut budget.of_work(), warnings)?;
-    let meshes = mesh::meshes(&document, &accessors, warnings)?;
+    let highest = accessor_check::check(&accessors, &mut budget.of_work(), warnings)?;
+    let meshes = mesh::meshes(&document, &accessors, &highest, warnings)?;
     let graph = Graph::parse(&document, budget, warnings)?;
+    graph.check_meshes(&meshes, warnings)?;
     let roots = node::scene_roots(&document, &graph, options.scene.as_ref(), warnings)?;
     let nodes = graph.reachable(&roots);
     let shown = nodes.iter().filter_map(|i| Some(&meshes[graph.nodes[i].mesh?]));

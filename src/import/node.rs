@@ -4,6 +4,7 @@ use super::SceneChoice;
 use super::budget::Budget;
 use super::document::Document;
 use super::fault::{Fault, Parsed, quote};
+use super::mesh::{Mesh, Primitive};
 use super::value::{float, index, numbers};
 use super::warnings::Warnings;
 use crate::camera::Joint;
@@ -98,6 +99,22 @@ impl Graph {
         Ok(this)
     }
 
+    /// Checks that nodes fit the meshes that they show.
+    pub fn check_meshes(&self, meshes: &[Mesh], warnings: &mut Warnings) -> Parsed<()> {
+        for (i, node) in &self.nodes {
+            let Some(mesh) = node.mesh.map(|mesh| &meshes[mesh]) else { continue };
+            if node.weights.as_ref().is_some_and(|weights| weights.len() != mesh.targets) {
+                let what = "must have one weight for each morph target of the mesh";
+                return Err(Fault::new(format!("{}/weights", path(*i)), what));
+            }
+            let joints = |p: &Primitive| !p.recipe.joints.is_empty();
+            if node.skin.is_some() && !mesh.primitives.iter().any(joints) {
+                warnings.mend(&path(*i), "its mesh has no joints, so its skin does nothing")?;
+            }
+        }
+        Ok(())
+    }
+
     /// Node to world.
     pub fn to_world(&self, node: usize) -> DAffine3 {
         self.nodes.get(&node).map_or(DAffine3::IDENTITY, |node| node.to_world)
@@ -110,11 +127,9 @@ impl Graph {
 
     /// The node and those above it, root first; the budget pays for a [`Joint`] for each.
     pub fn line(&self, node: usize, budget: &mut Budget) -> Parsed<Vec<usize>> {
-        let mut line = Vec::new();
-        for i in std::iter::successors(Some(node), |&i| self.parent(i)) {
-            budget.spend(1, size_of::<Joint>() as u64, &path(node))?;
-            line.push(i);
-        }
+        let above = || std::iter::successors(Some(node), |&i| self.parent(i));
+        budget.spend(above().count() as u64, size_of::<Joint>() as u64, &path(node))?;
+        let mut line: Vec<usize> = above().collect();
         line.reverse();
         Ok(line)
     }
@@ -182,6 +197,11 @@ pub(super) fn local_transform(
         if (matrix.row(3) - glam::DVec4::W).abs().max_element() > 1e-5 {
             return fault("its last row is not 0 0 0 1");
         }
+        let [x, y, z] = [0, 1, 2].map(|k| matrix.col(k).truncate().normalize_or_zero());
+        if [x.dot(y), y.dot(z), z.dot(x)].iter().any(|cos| cos.abs() > 5e-3) {
+            let what = "it is no product of a translation, a rotation and a scale";
+            warnings.allow(&format!("{path}/matrix"), what)?;
+        }
         return Ok(DAffine3::from_mat4(matrix));
     }
     let rotation = match rotation {
@@ -201,7 +221,7 @@ fn unit_quaternion(xyzw: [f64; 4], path: &str, warnings: &mut Warnings) -> Parse
         return Err(Fault::new(path, "it is no rotation: its length should be 1"));
     }
     if (length - 1.0).abs() > 1e-2 {
-        warnings.push(format!("{path}: the quaternion's length is {length:.3} and should be 1"));
+        warnings.mend(path, format!("the quaternion's length is {length:.3} and should be 1"))?;
     }
     Ok(quaternion.normalize())
 }

@@ -52,11 +52,18 @@ impl<'a> Textures<'a> {
             .textures()
             .map(|texture| (texture.sampler(), image_of(texture)))
             .collect();
-        let mut wanted = BTreeSet::new();
+        let mut used = BTreeSet::new();
         for material in shown {
-            textures_below(&document.json["materials"][material], &mut |texture| {
-                wanted.extend(textures[texture].1);
-            });
+            let material = &document.json["materials"][material];
+            textures_below(material, &mut |texture| used.extend([texture]));
+        }
+        let (mut wanted, count) = (BTreeSet::new(), document.root().images.len());
+        for (texture, image) in used.iter().filter_map(|i| Some((i, textures[*i].1?))) {
+            if image >= count {
+                let what = format!("refers to /images/{image}, and images has {count}");
+                return Err(Fault::new(format!("/textures/{texture}/source"), what));
+            }
+            wanted.insert(image);
         }
         let images = image::images(document, buffers, &wanted, budget, warnings)?;
         Ok(Self { images, textures, slots: Vec::new(), slot_of: HashMap::new(), budget })
@@ -151,12 +158,14 @@ fn image_of(texture: &Value) -> Option<usize> {
     webp.or_else(|| texture.get("source")).and_then(index)
 }
 
-/// Calls `visit` with the textures that anything below a material refers to, occlusion aside, which
-/// we do not read.
+/// Calls `visit` with the textures that anything below a material refers to, but for those of
+/// occlusion and thickness, which we do not read.
 fn textures_below(value: &Value, visit: &mut impl FnMut(usize)) {
     for (key, value) in value.as_object().into_iter().flatten() {
         match index(&value["index"]).filter(|_| key.ends_with("Texture")) {
-            Some(texture) if key != "occlusionTexture" => visit(texture),
+            Some(texture) if !["occlusionTexture", "thicknessTexture"].contains(&key.as_str()) => {
+                visit(texture);
+            }
             _ => textures_below(value, visit),
         }
     }

@@ -41,6 +41,11 @@ impl Folder {
         Self { path: folder.unwrap_or(Path::new(".")).to_owned(), outside }
     }
 
+    /// As [`Folder::file`], for a path that may begin with the folder's.
+    pub fn file_at(&self, path: &Path) -> Option<PathBuf> {
+        self.file(&path.strip_prefix(&self.path).unwrap_or(path).to_string_lossy())
+    }
+
     /// The file called `name`, an absolute path or one from here; `None` if it may not be read.
     pub fn file(&self, name: &str) -> Option<PathBuf> {
         let file = self.path.join(name);

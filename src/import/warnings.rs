@@ -44,6 +44,11 @@ impl Warnings {
         Ok(())
     }
 
+    /// As [`Warnings::mend`], for what changes nothing: no warning.
+    pub fn allow(&mut self, at: &str, what: &str) -> Parsed<()> {
+        if self.strict { self.mend(at, what) } else { Ok(()) }
+    }
+
     /// One line for each kind.
     pub fn lines(self) -> Vec<String> {
         let line = |(text, count): (String, usize)| match count {
