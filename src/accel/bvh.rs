@@ -117,8 +117,7 @@ fn world_bounds(bounds: &crate::geometry::Aabb, to_world: &Affine3A) -> Aabb {
 
 impl Bvh {
     /// Builds all hierarchies.
-    pub fn new(geometry: &Geometry) -> Self {
-        let placement = Placement::of(geometry);
+    pub fn new(geometry: &Geometry, placement: &Placement) -> Self {
         let (mut triangles, mut ids) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
         let mut mesh_slot: Vec<Option<u32>> = vec![None; geometry.meshes.len()];

@@ -15,12 +15,11 @@ use std::sync::Arc;
 const OPTIONS: &str = "set_affinity=0";
 
 /// The geometry as a committed scene whose hits carry our instance and triangle numbers.
-pub fn build(geometry: &Geometry) -> Result<Scene> {
-    build_on(&Device::new(OPTIONS)?, geometry)
+pub fn build(geometry: &Geometry, placement: &Placement) -> Result<Scene> {
+    build_on(&Device::new(OPTIONS)?, geometry, placement)
 }
 
-fn build_on(device: &Arc<Device>, geometry: &Geometry) -> Result<Scene> {
-    let placement = Placement::of(geometry);
+fn build_on(device: &Arc<Device>, geometry: &Geometry, placement: &Placement) -> Result<Scene> {
     let mut world = SceneBuilder::new(device)?;
     let mut shared: Vec<Option<Arc<Scene>>> = vec![None; geometry.meshes.len()];
     for (i, instance) in geometry.instances.iter().enumerate() {
@@ -100,7 +99,9 @@ mod tests {
             })
             .collect();
         let trace = |options: &str| {
-            let scene = build_on(&Device::new(options).unwrap(), &geometry).unwrap();
+            let scene =
+                build_on(&Device::new(options).unwrap(), &geometry, &Placement::of(&geometry))
+                    .unwrap();
             let mut hits = vec![Hit::MISS; rays.len()];
             scene.intersect_packets(&rays, false, &mut hits);
             (hits, rays.iter().map(|ray| scene.intersect(ray)).collect::<Vec<_>>())

@@ -11,6 +11,7 @@ mod bvh;
 
 pub use crate::ffi::ray::{Hit, Ray};
 
+use self::placement::Placement;
 use crate::error::{Error, Result};
 use crate::geometry::Geometry;
 use std::sync::OnceLock;
@@ -88,6 +89,8 @@ pub enum Coherence {
 /// triangle); Embree returns the one that its traversal meets first.
 pub struct Accel {
     tracer: Tracer,
+    /// Instances that share the hierarchy of their mesh.
+    shared: Vec<bool>,
     build_seconds: f64,
 }
 
@@ -117,18 +120,28 @@ impl Accel {
     pub fn build(geometry: &Geometry, backend: Backend) -> Result<Self> {
         let start = Instant::now();
         placement::check(geometry)?;
+        let placement = Placement::of(geometry);
         let tracer = match backend {
             #[cfg(feature = "embree")]
-            Backend::Embree => Tracer::Embree(embree::build(geometry)?),
+            Backend::Embree => Tracer::Embree(embree::build(geometry, &placement)?),
             #[cfg(not(feature = "embree"))]
             Backend::Embree => {
                 return Err(Error::Device(
                     "this lumicache was compiled without Embree: choose the backend \"bvh\", or compile with the feature \"embree\"".into(),
                 ));
             }
-            Backend::Bvh => Tracer::Bvh(bvh::Bvh::new(geometry)),
+            Backend::Bvh => Tracer::Bvh(bvh::Bvh::new(geometry, &placement)),
         };
-        Ok(Self { tracer, build_seconds: start.elapsed().as_secs_f64() })
+        let shared =
+            (0..geometry.instances.len()).map(|i| placement.to_object(i).is_some()).collect();
+        Ok(Self { tracer, shared, build_seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// True if rays are mapped into the object space of an instance, which costs precision; else
+    /// its triangles were mapped into the world.
+    #[inline]
+    pub fn is_shared(&self, instance: u32) -> bool {
+        self.shared[instance as usize]
     }
 
     /// The closest hit of a ray.

@@ -42,15 +42,22 @@ impl Placement {
     }
 }
 
-/// The inverse of `to_world`; `None` if rays could overflow there, as in an instance that is almost
-/// flat.
+/// Most by which the way to object space and back may multiply the rounding of a ray's origin
+/// there, 3 for a rotation; what is bent out of shape more than that is flattened.
+const MOST_ROUNDING: f64 = 8.0;
+
+/// The inverse of `to_world`; `None` if rays could overflow or lose their precision there, as in an
+/// instance that is almost flat.
 fn object_map(to_world: &Affine3A) -> Option<DAffine3> {
     let map = to_world.as_daffine3().inverse();
     let [x, y, z] =
         [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|axis| axis.abs());
     let in_range = x.max(y).max(z).max_element() <= f64::from(STEEPEST)
         && map.translation.abs().max_element() <= f64::from(STEEPEST * LIMIT);
-    (map.is_finite() && in_range).then_some(map)
+    let there = map.matrix3.abs();
+    let back = to_world.matrix3.as_dmat3().abs() * there;
+    let rounding = (back.x_axis + back.y_axis + back.z_axis).max_element();
+    (map.is_finite() && in_range && rounding <= MOST_ROUNDING).then_some(map)
 }
 
 /// The positions of an instance's mesh in world space.

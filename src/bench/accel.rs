@@ -4,7 +4,7 @@
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::error::Result;
 use crate::ffi::mxcsr::FlushDenormals;
-use crate::geometry::{Geometry, offset_origin};
+use crate::geometry::{Geometry, SurfacePoint};
 use crate::math::{Frame, PI, Vec3};
 use serde::Serialize;
 use std::fmt::Write;
@@ -129,7 +129,7 @@ impl Workload {
                 let [a, b, c] = geometry.triangle(hit.instance, hit.triangle);
                 let n = (b - a).cross(c - a).normalize_or(Vec3::Z);
                 let n = if n.dot(ray.dir) > 0.0 { -n } else { n };
-                (offset_origin(ray.at(hit.t), n, n), n)
+                (SurfacePoint::plain(ray.at(hit.t), n).leave(n), n)
             })
             .collect();
         let bundles = (rays / BUNDLE).min(starts.len());

@@ -5,7 +5,7 @@ mod motion;
 pub use motion::{Interpolation, Joint, Motion, Track, without_scale};
 
 use crate::math::{Affine3A, Vec2, Vec3};
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 
 /// The two projections of glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +77,13 @@ pub struct CameraView {
 impl Camera {
     /// A camera without near and far plane.
     pub const NO_CLIP: [f32; 2] = [0.0, f32::INFINITY];
+
+    /// The camera moved by `by`.
+    #[must_use]
+    pub fn shifted(mut self, by: DVec3) -> Self {
+        self.to_world.translation = (self.to_world.translation.as_dvec3() + by).as_vec3a();
+        self
+    }
 
     /// World to camera space.
     pub fn world_to_camera(&self) -> Mat4 {

@@ -14,6 +14,7 @@ fn load(scene: lumi_scene, file: *const c_char, options: &ImportOptions) -> Outc
     let mut draft = scene.draft()?;
     state(draft.is_bare(), "the scene is not empty: read the file before anything else")?;
     let mut data = scene.device.pool.install(|| import::gltf(file, options))?;
+    draft.data.punctual.iter_mut().for_each(|light| light.shift(-data.origin));
     data.punctual.append(&mut draft.data.punctual);
     data.environment = draft.data.environment.take().or(data.environment);
     draft.data = data;

@@ -1,7 +1,7 @@
 //! Points on surfaces: interpolation of a hit's attributes and the safe start of the next ray.
 
 use super::Geometry;
-use crate::math::{Frame, Vec2, Vec3, Vec4};
+use crate::math::{Affine3A, Frame, Vec2, Vec3, Vec4};
 
 /// A point on a surface as the shading, the gather and the cache see it. Everything is in world
 /// space; `ng` and `frame.n` are on the side from which the surface is looked at.
@@ -29,6 +29,9 @@ pub struct SurfacePoint {
     pub back_face: bool,
     /// Unit direction towards the viewer.
     pub wo: Vec3,
+    /// How far the point may lie off the surface that rays meet, along `ng`: rays leave from this
+    /// far above it.
+    pub error: f32,
     /// Diameter of a pixel projected on the plane across the viewing path, in world units; 0 where
     /// there is no camera path.
     pub footprint: f32,
@@ -36,7 +39,7 @@ pub struct SurfacePoint {
 
 impl SurfacePoint {
     /// A point of which no more is known than where it lies and its unit normal, seen from straight
-    /// above.
+    /// above. Its error is taken to be a few units in the last place of its largest coordinate.
     pub fn plain(position: Vec3, normal: Vec3) -> Self {
         Self {
             position,
@@ -50,8 +53,17 @@ impl SurfacePoint {
             triangle: 0,
             back_face: false,
             wo: normal,
+            error: MAP_ROUNDING * position.abs().max_element(),
             footprint: 0.0,
         }
+    }
+
+    /// Where a ray that leaves the surface towards `direction` starts: on the side of the surface
+    /// that `direction` is on, beyond the error of the point.
+    #[inline]
+    pub fn leave(&self, direction: Vec3) -> Vec3 {
+        let away = if self.ng.dot(direction) < 0.0 { -self.error } else { self.error };
+        self.position + self.ng * away
     }
 
     /// The point as [`interpolate`] gives it when it is looked at from the unit direction `wo`: the
@@ -135,15 +147,35 @@ pub fn interpolate(
         triangle,
         back_face,
         wo: -dir,
+        error: rounding_error(&inst.to_world, [pa, pb, pc], ng),
         footprint: 0.0,
     }
 }
 
-/// Where a ray that leaves the surface at `position` towards `direction` should start so that it
-/// does not hit the surface again: pushed along the geometric normal `ng`, to the side of
-/// `direction`, by a few units in the last place of the largest coordinate.
+/// Bound on the distance along the unit normal `ng` between a point of a triangle that was put
+/// together from its corners in object space and the triangle that rays are traced against, whose
+/// corners were rounded on their way into the world.
+///
+/// Each component of the point is off by at most `24 u (|M| p + |t|)`, where `M` and `t` take
+/// objects to the world, p holds the largest absolute coordinates of the corners and u = 2⁻²⁴ is
+/// the rounding of one operation: the products and sums of the map, of the edges and of the weights
+/// follow each other [Pharr23, Sec. 6.8]. Planes along the axes are so only as inexact as their
+/// own coordinate, however far they reach.
 #[inline]
-pub fn offset_origin(position: Vec3, ng: Vec3, direction: Vec3) -> Vec3 {
-    let distance = position.abs().max_element() * 4e-6 + 1e-7;
-    position + ng * if ng.dot(direction) < 0.0 { -distance } else { distance }
+pub fn rounding_error(to_world: &Affine3A, corners: [Vec3; 3], ng: Vec3) -> f32 {
+    const STEPS: f32 = 24.0 * UNIT_ROUNDOFF;
+    let [a, b, c] = corners.map(Vec3::abs);
+    let p = a.max(b).max(c);
+    let m = to_world.matrix3.abs();
+    let size =
+        Vec3::from(m.x_axis * p.x + m.y_axis * p.y + m.z_axis * p.z + to_world.translation.abs());
+    // The second term keeps a point in a plane through the origin off it.
+    STEPS * size.dot(ng.abs()) + UNIT_ROUNDOFF * size.max_element()
 }
+
+/// Rounding of a single operation, relative.
+const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
+
+/// Rounding of a point that is mapped to another space and back, relative to its largest
+/// coordinate: what rays against instances that share their mesh's hierarchy suffer.
+pub const MAP_ROUNDING: f32 = 64.0 * UNIT_ROUNDOFF;

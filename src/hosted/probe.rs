@@ -4,7 +4,7 @@ use super::batch::Batch;
 use super::exchange::Exchange;
 use super::host::Host;
 use crate::gather::{Bundle, Deeper, HitKind, RadianceProbe};
-use crate::geometry::{SurfacePoint, offset_origin};
+use crate::geometry::{MAP_ROUNDING, SurfacePoint};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::progress::Progress;
 use crate::sampling::{
@@ -20,8 +20,6 @@ pub struct HostProbe<'a> {
     pub exchange: &'a Exchange,
     /// Most surface interactions after the camera hit.
     pub max_bounces: u32,
-    /// Footprint of points that the camera does not see.
-    pub footprint: f32,
     /// Cancelled when the host fails.
     pub progress: &'a Progress,
 }
@@ -51,7 +49,7 @@ impl Path {
     /// The path that leaves `from` in the direction `local`.
     fn new(ray: usize, from: &SurfacePoint, local: Vec3, weight: Color, seed: u64) -> Self {
         let dir = from.frame.to_world(local);
-        Self { ray, origin: offset_origin(from.position, from.ng, dir), dir, weight, seed }
+        Self { ray, origin: from.leave(dir), dir, weight, seed }
     }
 
     /// False if the path leaves `from` to the inside: a bent shading normal sends some there.
@@ -82,7 +80,10 @@ impl HostProbe<'_> {
     fn hit(&self, p: &Path, answers: &Batch, i: usize) -> SurfacePoint {
         let n = answers.normal[i];
         let n = if n.dot(p.dir) > 0.0 { -n } else { n };
-        surface_point(p.origin + answers.distance[i] * p.dir, n, n, -p.dir, self.footprint)
+        let distance = answers.distance[i];
+        let error = MAP_ROUNDING * (p.origin.abs().max_element() + distance);
+        let position = p.origin + distance * p.dir;
+        SurfacePoint { error, ..surface_point(position, n, n, -p.dir, 0.0) }
     }
 
     /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`

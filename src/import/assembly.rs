@@ -16,7 +16,7 @@ use crate::camera::Motion;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::material::{Material, NativeBrdf};
 use crate::math::{Affine3A, Vec2, Vec3};
-use crate::scene::SceneData;
+use crate::scene::{Part, SceneData, center, middle};
 use crate::texture::TextureRef;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::{BTreeMap, HashMap};
@@ -42,6 +42,15 @@ pub(super) struct Parts<'p, 'a> {
 struct Placed {
     mesh: u32,
     bounds: Aabb,
+    /// How far its vertices were moved.
+    moved: DVec3,
+}
+
+/// An instance before the place of the scene is decided.
+struct Standing {
+    node: usize,
+    placed: Placed,
+    to_world: DAffine3,
 }
 
 /// Fills a scene, whose materials are there already, with what the nodes under `roots` show.
@@ -53,6 +62,7 @@ pub(super) struct Assembly<'p, 'a> {
     /// Meshes by recipe and morph weights; `None` for those without triangles.
     made: HashMap<(Recipe, Vec<u32>), Option<Placed>>,
     default_material: Option<u32>,
+    standing: Vec<Standing>,
     singular: usize,
 }
 
@@ -61,8 +71,16 @@ impl<'p, 'a> Assembly<'p, 'a> {
     pub fn new(
         parts: Parts<'p, 'a>, scene: SceneData, budget: &'p mut Budget, warnings: &'p mut Warnings,
     ) -> Self {
-        let made = HashMap::new();
-        Self { parts, scene, warnings, budget, made, default_material: None, singular: 0 }
+        Self {
+            parts,
+            scene,
+            warnings,
+            budget,
+            made: HashMap::new(),
+            default_material: None,
+            standing: Vec::new(),
+            singular: 0,
+        }
     }
 
     /// The finished scene of `nodes`.
@@ -74,14 +92,21 @@ impl<'p, 'a> Assembly<'p, 'a> {
             if let Some(index) = node.mesh {
                 self.mesh((i, node), &self.parts.meshes[index])?;
             }
+        }
+        self.place()?;
+        let shift = -self.scene.origin;
+        for &i in nodes {
+            let node = &graph.nodes[&i];
+            let to_world = DAffine3::from_translation(shift) * node.to_world;
             if let Some((index, kind)) =
                 node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?)))
             {
                 let named = fault::name(&self.parts.document.json["nodes"][i]);
                 let fallback = named.map_or_else(|| node::path(i), str::to_owned);
-                match kind.placed(&node.to_world, &fallback) {
+                match kind.placed(&to_world, &fallback) {
                     Some(camera) => {
-                        cameras.push((index, camera, self.parts.motions.get(&i).cloned()))
+                        let motion = self.parts.motions.get(&i).map(|m| m.shifted(shift));
+                        cameras.push((index, camera, motion));
                     }
                     None => self
                         .warnings
@@ -91,9 +116,9 @@ impl<'p, 'a> Assembly<'p, 'a> {
             let light = node
                 .light
                 .and_then(|l| self.parts.lights[l].as_ref())
-                .map(|light| light.placed(&node.to_world));
+                .map(|light| light.placed(&to_world));
             let luminaire =
-                self.parts.luminaires.get(&i).map(|l| l.placed(&node.to_world, f32::INFINITY));
+                self.parts.luminaires.get(&i).map(|l| l.placed(&to_world, f32::INFINITY));
             for light in [light, luminaire].into_iter().flatten() {
                 match light {
                     Some(light) => self.scene.punctual.push(light),
@@ -203,9 +228,11 @@ impl<'p, 'a> Assembly<'p, 'a> {
             });
         }
         self.texture_space(primitive, &mut mesh);
-        let bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
-        self.scene.geometry.meshes.push(Arc::new(mesh));
-        Ok(Some(Placed { mesh: self.scene.geometry.meshes.len() as u32 - 1, bounds }))
+        let mut bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
+        let (number, mut mesh) = (self.scene.geometry.meshes.len() as u32, Arc::new(mesh));
+        let moved = center(&mut mesh, &mut bounds);
+        self.scene.geometry.meshes.push(mesh);
+        Ok(Some(Placed { mesh: number, bounds, moved }))
     }
 
     /// Makes the tangents that the material needs, and tells of texture coordinates that it needs
@@ -242,10 +269,28 @@ impl<'p, 'a> Assembly<'p, 'a> {
     }
 
     fn instance(&mut self, node: usize, placed: Placed, to_world: DAffine3) -> Parsed<()> {
-        self.budget.spend(1, size_of::<Instance>() as u64, &node::path(node))?;
+        self.budget.spend(1, size_of::<Standing>() as u64, &node::path(node))?;
+        let to_world = to_world * DAffine3::from_translation(placed.moved);
+        self.standing.push(Standing { node, placed, to_world });
+        Ok(())
+    }
+
+    /// Decides the place of the scene's coordinates, and puts the instances there.
+    fn place(&mut self) -> Parsed<()> {
+        let standing = std::mem::take(&mut self.standing);
+        let meshes = &self.scene.geometry.meshes;
+        let part = |s: &Standing| {
+            let triangles = meshes[s.placed.mesh as usize].indices.len();
+            Part::new(&s.placed.bounds, triangles, &s.to_world)
+        };
+        self.scene.origin = middle(&standing.iter().map(part).collect::<Vec<_>>());
+        standing.into_iter().try_for_each(|s| self.stand(s))
+    }
+
+    fn stand(&mut self, Standing { node, placed, to_world }: Standing) -> Parsed<()> {
         let to_world = Affine3A::from_mat3_translation(
             to_world.matrix3.as_mat3(),
-            to_world.translation.as_vec3(),
+            (to_world.translation - self.scene.origin).as_vec3(),
         );
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());

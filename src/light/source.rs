@@ -2,6 +2,7 @@
 
 use super::ies::IesProfile;
 use crate::math::{Affine3A, Color, Mat3, Vec3};
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Lumens per watt of monochromatic light of 555 nm: takes photometric numbers to radiometric ones.
@@ -128,6 +129,18 @@ pub enum PunctualLight {
         /// Angular radius in radians, above 0 and below π/2.
         radius: f32,
     },
+}
+
+impl PunctualLight {
+    /// Moves the light, if it has a place.
+    pub fn shift(&mut self, by: DVec3) {
+        match self {
+            Self::Point { position, .. }
+            | Self::Spot { position, .. }
+            | Self::Ies { position, .. } => *position = (position.as_dvec3() + by).as_vec3(),
+            Self::Directional { .. } | Self::Disc { .. } => {}
+        }
+    }
 }
 
 /// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no

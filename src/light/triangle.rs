@@ -4,7 +4,7 @@
 use super::polygon::polygon_irradiance;
 use super::simd::{LANES, Vec3x4, sin_cos};
 use super::source::{Emitter, weight};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, MAP_ROUNDING};
 use crate::math::{Color, Vec2, Vec3, Vec4};
 
 /// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform
@@ -25,6 +25,7 @@ pub struct TriangleLight {
     pub(super) weight: f32,
     emitter: Emitter,
     mirrored: bool,
+    error: f32,
 }
 
 /// Directions from a receiver to four points of a triangle.
@@ -90,7 +91,13 @@ impl TriangleLight {
             weight: weight(emitter.radiance),
             emitter,
             mirrored,
+            error: MAP_ROUNDING * a.abs().max(b.abs()).max(c.abs()).max_element(),
         }
+    }
+
+    /// How far the triangle that rays are traced against may lie off this one, along its normal.
+    pub fn error(&self) -> f32 {
+        self.error
     }
 
     /// The emitter as the scene named it.

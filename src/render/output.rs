@@ -7,7 +7,7 @@ use super::settings::Settings;
 use crate::error::Result;
 use crate::imagefile::{Attribute, Picture, REC_709, SampleKind, exr, ldr};
 use crate::math::Color;
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 use std::path::Path;
 
 /// Writes the layers of `frame` that `selection` names to `path`.
@@ -29,6 +29,8 @@ pub struct Facts {
     pub scene_hash: String,
     /// Name and version of the ray tracer.
     pub backend: String,
+    /// Where the zero of the scene's coordinates lies in the world.
+    pub origin: DVec3,
     /// Draw the records over the image and write them as layers.
     pub show_records: bool,
 }
@@ -43,7 +45,7 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
     }
     let text = |text: &str| Attribute::Text(text.to_owned());
     let matrix = |matrix: Mat4| Attribute::M44f(matrix.to_cols_array());
-    let camera = &settings.camera;
+    let camera = settings.camera.clone().shifted(facts.origin);
     let attributes = [
         ("software", text(concat!("lumicache ", env!("CARGO_PKG_VERSION")))),
         ("settings", text(&settings.describe())),

@@ -57,6 +57,7 @@ impl<'a> Picture<'a> {
             seconds: self.clock.total_seconds(),
             scene_hash: self.scene.hash(),
             backend: self.scene.accel().version(),
+            origin: self.scene.origin(),
             show_records: self.output.show_records,
         };
         write_exr(path.as_ref(), &self.frame, &self.settings, &self.output.layers, &facts)
@@ -89,5 +90,5 @@ impl<'a> Picture<'a> {
 /// What records of `scene` are made for under `settings`.
 pub(super) fn origin(scene: &Scene, settings: &Settings) -> Origin {
     let hashes = scene.hashes().clone();
-    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size())
+    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.origin())
 }

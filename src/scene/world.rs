@@ -3,18 +3,20 @@
 use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::camera::{Camera, Motion};
-use crate::error::Result;
-use crate::geometry::{Aabb, Geometry, SurfacePoint, interpolate, offset_origin};
-use crate::light::{Emitter, EnvironmentMap, LightSample, Lights};
+use crate::error::{Error, Result};
+use crate::geometry::{Aabb, Geometry, MAP_ROUNDING, SurfacePoint, interpolate};
+use crate::light::{Emitter, EnvironmentMap, LightSample, LightSource, Lights};
 use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
 use crate::sampling::{hash, unit_f32};
 use crate::texture::Texture;
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// A scene with its ray tracing structure and light sampling; immutable and shared by all threads.
 pub struct Scene {
+    origin: DVec3,
     geometry: Geometry,
     materials: Vec<Material>,
     textures: Vec<Texture>,
@@ -32,8 +34,11 @@ pub struct Scene {
 
 /// Layers of alpha that one ray passes before it is taken to be blocked.
 const MAX_LAYERS: usize = 256;
-/// A shadow ray ends this share of its length before the light.
-const SHADOW_SHORTENING: f32 = 1e-4;
+/// A ray between two points ends this share of its length before the second: the rounding of its
+/// direction and of the distance at which it is hit.
+const SHORTENING: f32 = 32.0 * f32::EPSILON;
+/// Largest diagonal of a scene: squares of distances in it are numbers still.
+const LARGEST: f32 = 1e18;
 /// Radiance of the dome that lights a scene without any light.
 const DOME: Color = Color::splat(0.8);
 
@@ -44,10 +49,12 @@ impl Scene {
     /// of what the importer noticed.
     ///
     /// # Errors
-    /// Those of the ray tracing back end.
+    /// Those of the ray tracing back end; [`Error::InvalidArgument`] for a scene whose diagonal is
+    /// longer than 1e18 units.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
         let hashes = data.hashes();
         let SceneData {
+            origin,
             geometry,
             materials,
             textures,
@@ -57,8 +64,13 @@ impl Scene {
             motions,
             mut warnings,
         } = data;
-        let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
+        let reach = bounds.diagonal();
+        if reach > LARGEST {
+            let what = format!("the scene reaches over {reach:e} units, more than {LARGEST:e}");
+            return Err(Error::InvalidArgument(what));
+        }
+        let accel = Accel::build(&geometry, backend)?;
         let emitters = emitters(&geometry, &materials, &textures);
         let unlit_only = !materials.is_empty() && materials.iter().all(|m| m.unlit);
         if emitters.is_empty() && punctual.is_empty() && environment.is_none() && !unlit_only {
@@ -69,6 +81,7 @@ impl Scene {
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
         let scene = Self {
+            origin,
             geometry,
             materials,
             textures,
@@ -94,6 +107,22 @@ impl Scene {
     /// Where the tables of the materials are kept.
     pub fn tables(&self) -> &TableStore {
         &self.tables
+    }
+
+    /// Where the zero of the scene's coordinates lies in the world: a scene far from there is kept
+    /// around its own middle.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A position of the scene in the world.
+    pub fn to_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() + self.origin).as_vec3()
+    }
+
+    /// A position of the world in the scene.
+    pub fn from_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() - self.origin).as_vec3()
     }
 
     /// Meshes and instances.
@@ -194,13 +223,42 @@ impl Scene {
     /// The surface point of a hit, seen along `dir`.
     #[inline]
     pub fn surface(&self, hit: &Hit, dir: Vec3) -> SurfacePoint {
-        interpolate(&self.geometry, hit.instance, hit.triangle, hit.u, hit.v, dir)
+        let mut point = interpolate(&self.geometry, hit.instance, hit.triangle, hit.u, hit.v, dir);
+        if self.accel.is_shared(hit.instance) {
+            let map = &self.geometry.instances[hit.instance as usize].to_world;
+            point.error += MAP_ROUNDING
+                * (point.position.abs().max_element() + map.translation.abs().max_element());
+        }
+        point
     }
 
     /// The ray from a surface point towards the unit direction `dir`.
     #[inline]
     pub fn spawn(&self, at: &SurfacePoint, dir: Vec3) -> Ray {
-        Ray { origin: offset_origin(at.position, at.ng, dir), tmin: 0.0, dir, tmax: f32::INFINITY }
+        Ray { origin: at.leave(dir), tmin: 0.0, dir, tmax: f32::INFINITY }
+    }
+
+    /// The ray from `at` to the point at `distance` along the unit direction `dir`, where the
+    /// distance is that from the point itself, not from where the ray starts; it ends `gap` before.
+    pub fn segment(&self, at: &SurfacePoint, dir: Vec3, distance: f32, gap: f32) -> Ray {
+        let ray = self.spawn(at, dir);
+        if distance.is_infinite() {
+            return ray;
+        }
+        let way = dir * distance - (ray.origin - at.position);
+        let length = way.length();
+        if length <= gap {
+            return Ray { tmax: 0.0, ..ray };
+        }
+        Ray { dir: way / length, tmax: (length - gap) * (1.0 - SHORTENING), ..ray }
+    }
+
+    /// The ray that tests whether two surface points see each other.
+    pub fn between(&self, from: &SurfacePoint, to: &SurfacePoint) -> Ray {
+        let offset = to.position - from.position;
+        let distance = offset.length();
+        let dir = offset / distance.max(f32::MIN_POSITIVE);
+        self.segment(from, dir, distance, gap(to.error, to.ng.dot(dir), distance))
     }
 
     /// What a ray sees first, with surfaces that alpha lets it pass left out; `seed` decides at
@@ -259,9 +317,14 @@ impl Scene {
     /// The ray that tests whether `light` reaches `at`.
     #[inline]
     pub fn shadow_ray(&self, at: &SurfacePoint, light: &LightSample) -> Ray {
-        let mut ray = self.spawn(at, light.wi);
-        ray.tmax = light.distance * (1.0 - SHADOW_SHORTENING);
-        ray
+        let gap = match light.source {
+            LightSource::Triangle { instance, triangle, .. } => self
+                .lights
+                .emitter(instance, triangle)
+                .map_or(0.0, |lamp| gap(lamp.error(), lamp.normal().dot(light.wi), light.distance)),
+            LightSource::Environment | LightSource::Punctual(_) => 0.0,
+        };
+        self.segment(at, light.wi, light.distance, gap)
     }
 
     /// True if something opaque, or something that stochastic alpha makes so, lies on the ray.
@@ -286,6 +349,12 @@ impl Scene {
     pub fn intersect_many(&self, rays: &[Ray], coherence: Coherence, hits: &mut [Hit]) {
         self.accel.intersect_many(rays, coherence, hits);
     }
+}
+
+/// How far before a surface a ray ends that meets it under the cosine `cos` and must not hit it,
+/// where the surface may be off by `error` along its normal; at most half of the way.
+pub fn gap(error: f32, cos: f32, distance: f32) -> f32 {
+    (error / cos.abs().max(f32::MIN_POSITIVE)).min(0.5 * distance)
 }
 
 /// The emissive triangles with their mean radiance.

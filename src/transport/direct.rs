@@ -4,13 +4,10 @@
 use crate::accel::Ray;
 use crate::gather::{Arrival, Bundle, DirectLight, HitKind, LightChoice};
 use crate::geometry::SurfacePoint;
-use crate::light::{LightSample, LightSource};
+use crate::light::{LightSample, LightSource, TriangleLight};
 use crate::math::{Color, INV_PI, Vec3};
-use crate::scene::Scene;
+use crate::scene::{Scene, gap};
 use std::sync::atomic::{AtomicU64, Ordering};
-
-/// A joining ray ends this share of its length before the light.
-const SHORTENING: f32 = 1e-4;
 
 /// Beside the point that places were chosen for, light is asked for this share of the way there
 /// above the surface: what is flat there may be bent a little.
@@ -18,9 +15,9 @@ const LIFT: f32 = 0.01;
 
 /// A place on a light.
 enum Place {
-    /// On an emissive triangle: where, its unit normal, radiance over density, and the area that
-    /// the place stands for, over π.
-    Surface { position: Vec3, normal: Vec3, strength: Color, area: f32 },
+    /// On an emissive triangle: where, its unit normal, how far it may be off along that, radiance
+    /// over density, and the area that the place stands for, over π.
+    Surface { position: Vec3, normal: Vec3, error: f32, strength: Color, area: f32 },
     /// In the environment: direction, and radiance over density.
     Distant { direction: Vec3, strength: Color },
     /// A light without extent, by its index in the scene, with its weight.
@@ -118,7 +115,8 @@ fn on_triangle(
     // With A/π beside the squared distance, and so that at `from` nothing changes.
     let strength = radiance * (stands_for * (squared + area) / squared);
     let position = from.position + sample.distance * sample.wi;
-    Some(Place::Surface { position, normal, strength, area })
+    let error = scene.lights().emitter(instance, triangle).map_or(0.0, TriangleLight::error);
+    Some(Place::Surface { position, normal, error, strength, area })
 }
 
 impl DirectLight for LightPoints<'_> {
@@ -129,14 +127,12 @@ impl DirectLight for LightPoints<'_> {
             let lift = LIFT * (position - self.from.position).length() * self.from.ng;
             let at = SurfacePoint { position: position + lift, ..self.from };
             for place in &self.places {
-                let (arrival, distance) = place.arrival(self.scene, at.position);
+                let (arrival, distance, gap) = place.arrival(self.scene, at.position);
                 if arrival.light != Color::ZERO
                     && arrival.dir.dot(at.ng) > 0.0
                     && arrival.light.is_finite()
                 {
-                    let mut ray = self.scene.spawn(&at, arrival.dir);
-                    ray.tmax = distance * (1.0 - SHORTENING);
-                    rays.push(ray);
+                    rays.push(self.scene.segment(&at, arrival.dir, distance, gap));
                     asked.push(out.len());
                     out.push(arrival);
                 } else {
@@ -155,25 +151,27 @@ impl DirectLight for LightPoints<'_> {
 }
 
 impl Place {
-    /// What it sends to `x` if nothing is in the way, and how far it is.
-    fn arrival(&self, scene: &Scene, x: Vec3) -> (Arrival, f32) {
+    /// What it sends to `x` if nothing is in the way, how far it is, and how far before it a ray
+    /// ends.
+    fn arrival(&self, scene: &Scene, x: Vec3) -> (Arrival, f32, f32) {
         match *self {
-            Self::Surface { position, normal, strength, area } => {
+            Self::Surface { position, normal, error, strength, area } => {
                 let offset = position - x;
                 let squared = offset.length_squared();
                 let distance = squared.sqrt();
                 let dir = offset / distance.max(f32::MIN_POSITIVE);
-                let light = strength * (-normal.dot(dir)).max(0.0) / (squared + area);
-                (Arrival { dir, light }, distance)
+                let cos = -normal.dot(dir);
+                let light = strength * cos.max(0.0) / (squared + area);
+                (Arrival { dir, light }, distance, gap(error, cos, distance))
             }
             Self::Distant { direction, strength } => {
-                (Arrival { dir: direction, light: strength }, f32::INFINITY)
+                (Arrival { dir: direction, light: strength }, f32::INFINITY, 0.0)
             }
             Self::Punctual { index, weight } => match scene.lights().from_punctual(x, index) {
                 Some((dir, distance, irradiance)) => {
-                    (Arrival { dir, light: irradiance * weight }, distance)
+                    (Arrival { dir, light: irradiance * weight }, distance, 0.0)
                 }
-                None => (Arrival::default(), 0.0),
+                None => (Arrival::default(), 0.0, 0.0),
             },
         }
     }

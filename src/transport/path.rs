@@ -119,7 +119,7 @@ impl PathTracer<'_> {
         };
         out.radiance.emission = self.scene.emission(&point);
         let bsdf = self.scene.shade(&mut point);
-        out.surface = Some(Surface::new(&point, &bsdf, distance));
+        out.surface = Some(Surface::new(self.scene, &point, &bsdf, distance));
         let vertex = Vertex { point, bsdf };
         if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything)
             && !self.scene.occluded(&shadow, shadow_seed(seed, 0))

@@ -2,14 +2,16 @@
 //! files, threads.
 
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, LevelPoints, Preset, scattered};
+use lumicache::cache::{
+    Cache, FillPlan, FillReport, Preset, Scheme, ShadingPoint, VIEWED, extent, scattered,
+};
 use lumicache::capi::*;
 use lumicache::geometry::SurfacePoint;
 use lumicache::math::Vec3;
 use lumicache::progress::Progress;
 use lumicache::sampling::hash;
 use lumicache::scene::Scene;
-use lumicache::transport::{PathTracer, SceneProbe};
+use lumicache::transport::{PathTracer, SceneWorld};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
 use std::ptr::{null, null_mut};
@@ -208,4 +210,25 @@ unsafe extern "C" fn listen(user: *mut c_void, severity: i32, code: i32, message
         code,
         unsafe { CStr::from_ptr(message) }.to_str().unwrap().to_owned(),
     ));
+}
+
+/// The cache that lumi_cache_build makes of the seeds `points`, by the Rust API.
+pub fn filled(
+    scene: &Scene, scheme: Scheme, points: &[SurfacePoint], deeper_points: usize, seed: u64,
+) -> Cache {
+    let world = SceneWorld::new(PathTracer { scene, max_bounces: u32::MAX }, None, &scheme);
+    let mut cache = Cache::new(scheme, u32::MAX);
+    let wanted = |(number, point)| ShadingPoint { number, point, irradiance: true, order: 0 };
+    let points: Vec<_> = (0..).zip(scattered(points, seed)).map(wanted).collect();
+    let (plan, mut report) = (FillPlan { deeper_points, round: 0, seed }, FillReport::new(&cache));
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(2)
+        .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())
+        .build()
+        .unwrap();
+    let mut fill = || {
+        cache.fill_levels(&world, &points, &plan, &mut report, &Progress::default()).unwrap();
+    };
+    pool.install(&mut fill);
+    cache
 }

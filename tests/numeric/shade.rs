@@ -19,6 +19,7 @@ fn point() -> SurfacePoint {
         triangle: 0,
         back_face: false,
         wo: Vec3::new(0.6, 0.0, 0.8),
+        error: 0.0,
         footprint: 0.0,
     }
 }

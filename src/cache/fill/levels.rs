@@ -1,7 +1,7 @@
 //! The one driver of the fill: all levels, deepest first, in any world.
 
 use super::gatherer::Gatherer;
-use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint};
+use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint, extent_of};
 use super::refinement::refine;
 use super::rounds::Filling;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
@@ -17,6 +17,9 @@ use crate::sampling::{hash, stream};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Footprint of points that the camera does not see, as a share of the extent.
+const DEEPER_FOOTPRINT: f32 = 0.004;
+
 /// The direction to the viewer from a position.
 pub type Towards<'a> = dyn Fn(Vec3) -> Vec3 + Sync + 'a;
 
@@ -27,7 +30,7 @@ pub trait World: Sync {
 
     /// The surface points of `level` that `count` rays from `before` meet, with the order that
     /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
-    /// has a radiance cache.
+    /// has a radiance cache. Their footprint is for the caller to set.
     fn next_points(
         &self, before: &[SurfacePoint], level: u8, radiance: bool, count: usize, seed: u64,
     ) -> Vec<(SurfacePoint, u8)>;
@@ -114,6 +117,7 @@ impl Cache {
             // Light without bounces has nothing to cache.
             return Ok(births);
         }
+        self.settle(&points.iter().map(|p| p.point).collect::<Vec<_>>());
         let mut levels = vec![points.to_vec()];
         for level in 1..count {
             let next = self.next_points(world, level, &levels[usize::from(level) - 1], plan);
@@ -148,6 +152,13 @@ impl Cache {
         Ok(births)
     }
 
+    /// Takes the extent of `points`, unless it is known.
+    fn settle(&mut self, points: &[SurfacePoint]) {
+        if self.extent() == 0.0 && !points.is_empty() {
+            *self = self.clone().with_extent(extent_of(points));
+        }
+    }
+
     /// Points of `level`, from which light reaches `before`.
     fn next_points(
         &self, world: &dyn World, level: u8, before: &[ShadingPoint], plan: &FillPlan,
@@ -156,7 +167,10 @@ impl Cache {
         let seed = hash(&[plan.seed, stream::DEEPER_POINTS, u64::from(level)]);
         let radiance = level < self.radiance_level_count();
         let found = world.next_points(&before, level, radiance, plan.deeper_points, seed);
-        let wanted = |(k, (point, order))| self.shading_point(level, k, point, order);
+        let footprint = DEEPER_FOOTPRINT * self.extent();
+        let wanted = |(k, (point, order))| {
+            self.shading_point(level, k, SurfacePoint { footprint, ..point }, order)
+        };
         (0..).zip(found).map(wanted).collect()
     }
 
@@ -207,6 +221,7 @@ impl Cache {
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
+        self.settle(&points.points);
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
         let before = self.records(level).to_vec();
         let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress)?;
@@ -226,6 +241,7 @@ impl Cache {
         &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
         points: &LevelPoints, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
+        self.settle(&points.points);
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
         };

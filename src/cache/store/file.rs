@@ -14,6 +14,7 @@ use crate::cache::scheme::Scheme;
 use crate::error::{Error, Result};
 use crate::fsutil;
 use crate::math::Vec3;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashSet};
@@ -21,7 +22,8 @@ use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"\x89LUMI\r\n\x1a";
 /// 2: columns in which no record has anything are left out.
-const VERSION: u32 = 2;
+/// 3: the header has the zero of positions and the extent of what is lit.
+const VERSION: u32 = 3;
 const BYTE_ORDER: u32 = 0x0102_0304;
 const FIXED: usize = 24;
 const HASH: usize = blake3::OUT_LEN;
@@ -37,21 +39,21 @@ pub struct Origin {
     pub scheme: Value,
     /// Most interactions of light paths after the camera hit; `None` without a bound.
     pub max_bounces: Option<u32>,
-    /// Diagonal of the scene.
-    pub scene_size: f32,
+    /// Where the zero of the records' positions lies in the world.
+    pub zero: [f64; 3],
 }
 
 impl Origin {
-    /// The origin of records made under `scheme` in the scene with these hashes and this diagonal;
-    /// `u32::MAX` bounces are no bound.
+    /// The origin of records made under `scheme` in the scene with these hashes, whose coordinates
+    /// have their zero at `zero` in the world; `u32::MAX` bounces are no bound.
     pub fn new(
-        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, scene_size: f32,
+        scene: BTreeMap<String, String>, scheme: &Scheme, max_bounces: u32, zero: DVec3,
     ) -> Self {
         Self {
             scene,
+            zero: zero.to_array(),
             scheme: scheme.settings().into(),
             max_bounces: (max_bounces != u32::MAX).then_some(max_bounces),
-            scene_size,
         }
     }
 
@@ -68,13 +70,12 @@ impl Origin {
             parts.dedup();
             return Some(format!("made for another scene: the {} differ", parts.join(" and the ")));
         }
-        if self.scene_size != wanted.scene_size {
-            return Some(format!(
-                "made for a scene of size {}, not {}",
-                self.scene_size, wanted.scene_size
-            ));
-        }
         let text = |bounces: Option<u32>| bounces.map_or("unlimited".to_owned(), |n| n.to_string());
+        if self.zero != wanted.zero {
+            let place = |[x, y, z]: [f64; 3]| format!("({x} {y} {z})");
+            let (have, want) = (place(self.zero), place(wanted.zero));
+            return Some(format!("made for a scene around {have}, not {want}"));
+        }
         if self.max_bounces != wanted.max_bounces {
             return Some(format!(
                 "made for {} bounces, not {}",
@@ -103,6 +104,8 @@ impl Origin {
 pub struct CacheFile {
     /// What they were made for.
     pub origin: Origin,
+    /// The length that their radii are relative to, 0 where there are none.
+    pub extent: f32,
     /// The records of each level, camera first.
     pub levels: Vec<Vec<Record<Irradiance>>>,
 }
@@ -112,6 +115,7 @@ struct Header {
     software: String,
     #[serde(flatten)]
     origin: Origin,
+    extent: f32,
     /// Lowest and highest corner of the records' positions; for readers of the header.
     bounds: Option<[[f32; 3]; 2]>,
     levels: Vec<LevelHeader>,
@@ -136,23 +140,34 @@ impl CacheFile {
     /// The records of `cache`, made for `origin`.
     pub fn new(cache: &Cache, origin: Origin) -> Self {
         let records = |level| cache.records(level).to_vec();
-        Self { origin, levels: (0..cache.level_count()).map(records).collect() }
+        Self {
+            origin,
+            extent: cache.extent(),
+            levels: (0..cache.level_count()).map(records).collect(),
+        }
+    }
+
+    /// The position of a record in the world.
+    pub fn position(&self, record: &Record<Irradiance>) -> DVec3 {
+        DVec3::from(self.origin.zero) + record.position.as_dvec3()
     }
 
     /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse`
-    /// records of another origin are taken too.
+    /// records of another origin are taken too, as far as they have the same zero.
     ///
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
     pub fn into_cache(
         self, scheme: Scheme, origin: &Origin, reuse: bool, path: &Path,
     ) -> Result<Cache> {
-        if let Some(difference) = self.origin.difference(origin).filter(|_| !reuse) {
+        if let Some(difference) =
+            self.origin.difference(origin).filter(|_| !reuse || self.origin.zero != origin.zero)
+        {
             let what = format!("the cache was {difference}; make it anew, or ask for its reuse");
             return Err(Error::Stale { file: path.to_owned(), what });
         }
         let mut cache =
-            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX), origin.scene_size);
+            Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX)).with_extent(self.extent);
         for (level, records) in (0..cache.level_count()).zip(self.levels) {
             if !records.is_empty() {
                 cache.replace(level, records);
@@ -162,12 +177,16 @@ impl CacheFile {
     }
 
     /// Adds the records of `other`, read from `path`, but for those that are here already. With
-    /// `reuse` records of another origin are taken too.
+    /// `reuse` records of another origin are taken too, as far as they have the same zero.
     ///
     /// # Errors
     /// [`Error::Stale`] naming `path` if the origins differ.
     pub fn merge(&mut self, other: Self, reuse: bool, path: &Path) -> Result<()> {
-        if let Some(difference) = other.origin.difference(&self.origin).filter(|_| !reuse) {
+        if let Some(difference) = other
+            .origin
+            .difference(&self.origin)
+            .filter(|_| !reuse || other.origin.zero != self.origin.zero)
+        {
             return Err(Error::Stale {
                 file: path.to_owned(),
                 what: format!("the cache was {difference}"),
@@ -224,7 +243,8 @@ impl CacheFile {
             [low.to_array(), high.to_array()]
         });
         let software = concat!("lumicache ", env!("CARGO_PKG_VERSION")).to_owned();
-        let header = Header { software, origin: self.origin.clone(), bounds, levels };
+        let (origin, extent) = (self.origin.clone(), self.extent);
+        let header = Header { software, origin, extent, bounds, levels };
         let header = serde_json::to_vec(&header).expect("a header is plain data");
         let mut bytes = Vec::with_capacity(FIXED + header.len() + data.len() + HASH);
         bytes.extend(MAGIC);
@@ -287,7 +307,7 @@ impl CacheFile {
             header.levels.iter().map(|level| level.read(data)).collect();
         let levels =
             levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
-        Ok(Self { origin: header.origin, levels })
+        Ok(Self { origin: header.origin, extent: header.extent, levels })
     }
 }
 

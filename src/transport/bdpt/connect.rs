@@ -11,9 +11,6 @@ use crate::sampling::hash;
 use crate::transport::path::Reflected;
 use crate::transport::{CameraSample, Radiance};
 
-/// A joining ray ends this share of its length before the other end.
-const SHORTENING: f32 = 1e-4;
-
 /// Both walks joined in one way.
 pub(super) struct Link {
     /// What the path brings, before its weight and occlusion, by the two parts of the surface that
@@ -285,8 +282,7 @@ impl Bidirectional<'_> {
         let made =
             f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
         let (end, before) = self.before_light(work, s, scattering.to_light);
-        let mut ray = self.tracer.scene.spawn(&v.point, view.to_camera);
-        ray.tmax = view.clear;
+        let ray = self.tracer.scene.segment(&v.point, view.to_camera, view.clear, 0.0);
         Some(Link {
             light,
             end,
@@ -318,8 +314,6 @@ impl Bidirectional<'_> {
             y.beta * at_light.f * geometry * y.transmittance(self.tracer.scene, -wi, distance);
         let light = self.parts(work, t, &at_camera, brought)?;
         let (end, before) = self.before_light(work, s, at_light.to_light);
-        let mut ray = self.tracer.scene.spawn(&z.point, wi);
-        ray.tmax = distance * (1.0 - SHORTENING);
         Some(Link {
             light,
             end,
@@ -328,7 +322,7 @@ impl Bidirectional<'_> {
                 z.per_area(y.onward(-wi), y.point.position),
                 self.before_camera(work, t, z.camera_density(wi)),
             ],
-            ray: Some(ray),
+            ray: Some(self.tracer.scene.between(&z.point, &y.point)),
             pixel: None,
         })
     }

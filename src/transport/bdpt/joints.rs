@@ -12,8 +12,6 @@ use crate::math::{Color, Vec3};
 use crate::sampling::{LONGEST_PATH, hash, stream};
 use crate::transport::path::PathTracer;
 
-/// A joining ray ends this share of its length before the other end.
-const SHORTENING: f32 = 1e-4;
 /// Joints under a smaller cosine at either end are left out; light that is lost so is found by no
 /// ray either.
 const GRAZING: f32 = 1e-3;
@@ -120,9 +118,7 @@ impl Follower for Joining<'_> {
         let light = light * vertex.transmittance(scene, -dir, distance);
         let irradiance = light * (q / (p + q) / self.bundle.light_paths as f32);
         if irradiance != Color::ZERO && irradiance.is_finite() {
-            let mut ray = scene.spawn(from, dir);
-            ray.tmax = distance * (1.0 - SHORTENING);
-            self.rays.push(ray);
+            self.rays.push(scene.between(from, &vertex.point));
             self.joints.push(Joint {
                 offset,
                 normal: vertex.point.ng,

@@ -2,7 +2,7 @@
 
 use super::vertex::Vertex;
 use crate::accel::Ray;
-use crate::geometry::offset_origin;
+use crate::geometry::SurfacePoint;
 use crate::light::{Emission, EmissionSampler, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec3};
@@ -48,7 +48,7 @@ pub(super) fn walk_from_light(
     follower.begin(&start);
     let origin = match start.end.normal {
         Vec3::ZERO => start.origin,
-        normal => offset_origin(start.origin, normal, start.direction),
+        normal => SurfacePoint::plain(start.origin, normal).leave(start.direction),
     };
     let mut ray = Ray { origin, tmin: 0.0, dir: start.direction, tmax: f32::INFINITY };
     let (mut beta, mut density) = (emitted * start.measure, start.ray_density);
