@@ -7,7 +7,7 @@ use super::status::{
     guard_void, lumi_error, lumi_log_fn,
 };
 use crate::accel::{Accel, Backend};
-use crate::error::Error;
+use crate::error::{Error, one_line};
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
@@ -41,7 +41,7 @@ impl Kind for DeviceObject {
 
 impl DeviceObject {
     pub fn warn(&self, message: &str) {
-        self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, message);
+        self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, &one_line(message));
     }
 }
 

@@ -1,17 +1,18 @@
 //! `lumicache info`.
 
+use super::args::Input;
 use super::terminal::print;
-use lumicache::error::Result;
-use lumicache::import::{self, ImportOptions};
+use lumicache::error::{Result, one_line};
+use lumicache::import;
 use std::path::Path;
 
-pub fn run(path: &Path) -> Result<()> {
-    let data = import::gltf(path, &ImportOptions::default())?;
+pub fn run(path: &Path, input: &Input) -> Result<()> {
+    let data = import::gltf(path, &input.options())?;
     let bounds = data.geometry.bounds();
     let unique: usize = data.geometry.meshes.iter().map(|m| m.indices.len()).sum();
     let mut text = format!(
         "{}\n  triangles   {} ({} stored, {} meshes, {} instances)\n  materials   {}\n  textures    {}\n  lights      {} punctual\n  bounds      {} to {}\n  hash        {}\n",
-        path.display(),
+        one_line(&path.to_string_lossy()),
         data.geometry.triangle_count(),
         unique,
         data.geometry.meshes.len(),
@@ -24,7 +25,8 @@ pub fn run(path: &Path) -> Result<()> {
         data.hash(),
     );
     for (i, camera) in data.cameras.iter().enumerate() {
-        text += &format!("  camera {i}    `{}` {:?}\n", camera.name, camera.projection);
+        let name = one_line(&camera.name);
+        text += &format!("  camera {i}    `{name}` {:?}\n", camera.projection);
     }
     for warning in &data.warnings {
         text += &format!("  warning     {warning}\n");

@@ -38,7 +38,7 @@ fn run(command: Command) -> Result<()> {
         Command::Presets { settings: true, .. } => terminal::print(settings_page().as_bytes()),
         Command::Presets { name, all, json, .. } => presets::run(name.as_deref(), all, json),
         Command::Compare(arguments) => compare::run(&arguments),
-        Command::Info { scene } => info::run(&scene),
+        Command::Info { scene, input } => info::run(&scene, &input),
         Command::Cache { what } => cache::run(&what),
         Command::Bench { what } => bench::run(&what),
         Command::Completions { shell } => manual::completions(shell),

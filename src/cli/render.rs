@@ -3,7 +3,7 @@
 use super::args::{IntegratorName, LightUnitsName, Render};
 use super::presets::{is_file, pair, preset};
 use super::tables::tables;
-use super::terminal::{in_file, on_threads, parse_size, print, tell, thread_count};
+use super::terminal::{in_file, on_threads, parse_size, print, thread_count, warn};
 use lumicache::accel::Backend;
 use lumicache::cache::Scheme;
 use lumicache::error::{Error, Result};
@@ -28,7 +28,7 @@ pub fn run(arguments: &Render) -> Result<()> {
     let end = on_threads(threads, arguments.quiet, |progress| request.render(progress))?;
     if !arguments.quiet {
         print(end.table.as_bytes())?;
-        end.warnings.iter().for_each(|w| tell(&format!("warning: {w}")));
+        end.warnings.iter().for_each(|w| warn(w));
     }
     if end.cancelled { Err(Error::Cancelled) } else { Ok(()) }
 }
@@ -92,7 +92,7 @@ impl<'a> Request<'a> {
             arguments,
             scheme,
             layers,
-            options: ImportOptions { light_units, ..ImportOptions::default() },
+            options: ImportOptions { light_units, ..arguments.input.options() },
             sky,
             backend,
             output,
@@ -156,8 +156,11 @@ impl<'a> Request<'a> {
             data.punctual.extend(sun.clone());
         }
         if let Some(map) = &arguments.env {
-            data.environment =
-                Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
+            let (rotate, scale) = (arguments.env_rotate, arguments.env_scale);
+            let limit = arguments.input.memory_limit;
+            let (map, warnings) = import::environment(map, rotate, scale, limit)?;
+            data.environment = Some(map);
+            data.warnings.extend(warnings);
         }
         for material in &mut data.materials {
             material.multiple_scattering = arguments.multiple_scattering;

@@ -1,7 +1,7 @@
 //! What the commands share: printing, threads behind a progress bar, Ctrl-C, and some arguments.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lumicache::error::{Error, Result};
+use lumicache::error::{Error, Result, one_line};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::workers;
 use nix::sys::signal::{SigSet, Signal};
@@ -35,19 +35,16 @@ pub fn survive_size_limits() {
 /// Says `what` on standard error, in one line whatever it contains. Nobody may be listening there:
 /// then there is nobody to tell.
 pub fn tell(what: &str) {
-    let line: String = what.chars().flat_map(shown).collect();
-    let _ = writeln!(std::io::stderr().lock(), "lumicache: {line}");
-}
-
-/// A character as a terminal may be given it: what would control it is escaped.
-fn shown(c: char) -> impl Iterator<Item = char> {
-    let (plain, escaped) =
-        if c.is_control() { (None, Some(c.escape_default())) } else { (Some(c), None) };
-    plain.into_iter().chain(escaped.into_iter().flatten())
+    let _ = writeln!(std::io::stderr().lock(), "lumicache: {}", one_line(what));
 }
 
 pub fn print_line(text: &str) -> Result<()> {
     print(format!("{text}\n").as_bytes())
+}
+
+/// Tells the user, on one line.
+pub fn warn(text: &str) {
+    tell(&format!("warning: {text}"));
 }
 
 /// Names `file` in a fault that does not know whose fault it is.
@@ -104,7 +101,7 @@ fn cancel_on_interrupt(progress: &Arc<Progress>) {
         progress.cancel();
     });
     if let Err(error) = installed {
-        tell(&format!("warning: Ctrl-C will not save the image so far: {error}"));
+        warn(&format!("Ctrl-C will not save the image so far: {error}"));
     }
 }
 

@@ -7,8 +7,10 @@ use crate::math::Color;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{
-    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, Limits,
 };
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -32,6 +34,16 @@ pub enum TexturePixels {
     Rgba16(Vec<[u16; 4]>),
 }
 
+impl TexturePixels {
+    /// Their number, and the bytes of one.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Rgba8(pixels) => (pixels.len(), 4),
+            Self::Rgba16(pixels) => (pixels.len(), 8),
+        }
+    }
+}
+
 /// The most columns and rows of a texture.
 pub const MAX_SIZE: u32 = 16384;
 /// The most bytes of one decoded texture: the largest size in four channels of 16 bits.
@@ -49,6 +61,43 @@ const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 /// What is wrong, without the file's name: another format, damage, no pixels, more than
 /// [`MAX_SIZE`] columns or rows.
 pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
+    let bytes = essential(bytes);
+    let (decoder, format) = open(&bytes)?;
+    let (width, height) = decoder.dimensions();
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| broken(format, &e))?;
+    let pixels = if is_deep(image.color()) {
+        TexturePixels::Rgba16(bytemuck::allocation::cast_vec(exact(image.into_rgba16().into_raw())))
+    } else {
+        TexturePixels::Rgba8(bytemuck::allocation::cast_vec(exact(image.into_rgba8().into_raw())))
+    };
+    Ok(TextureImage { width, height, pixels })
+}
+
+/// Bytes that [`decode`] takes, at its peak and beside the file's; 0 for a file that it refuses.
+pub fn memory(bytes: &[u8]) -> u64 {
+    let bytes = essential(bytes);
+    let Ok((decoder, _)) = open(&bytes) else { return 0 };
+    let (width, height) = decoder.dimensions();
+    let pixel = if is_deep(decoder.color_type()) { 8 } else { 4 };
+    decoder.total_bytes() + u64::from(width) * u64::from(height) * pixel
+}
+
+fn is_deep(color: ColorType) -> bool {
+    color.bytes_per_pixel() > color.channel_count()
+}
+
+/// A vector whose room is its length, as another element type demands.
+fn exact<T>(mut values: Vec<T>) -> Vec<T> {
+    values.shrink_to_fit();
+    values
+}
+
+fn broken(format: ImageFormat, error: &image::ImageError) -> String {
+    format!("not a readable {} image: {error}", format.extensions_str()[0])
+}
+
+/// A decoder for a file that can be true, before its pixels are asked for.
+fn open(bytes: &[u8]) -> std::result::Result<(impl ImageDecoder + '_, ImageFormat), String> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
         Ok(other) => {
@@ -59,15 +108,13 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
         }
         Err(_) => return Err("is not a PNG, JPEG or WebP image".to_owned()),
     };
-    let broken =
-        |e: image::ImageError| format!("not a readable {} image: {e}", format.extensions_str()[0]);
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_SIZE);
     limits.max_image_height = Some(MAX_SIZE);
     limits.max_alloc = Some(MAX_BYTES);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(broken)?;
+    let decoder = reader.into_decoder().map_err(|e| broken(format, &e))?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
@@ -84,20 +131,25 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
             bytes.len()
         ));
     }
-    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    let deep = matches!(
-        image,
-        DynamicImage::ImageLuma16(_)
-            | DynamicImage::ImageLumaA16(_)
-            | DynamicImage::ImageRgb16(_)
-            | DynamicImage::ImageRgba16(_)
-    );
-    let pixels = if deep {
-        TexturePixels::Rgba16(image.into_rgba16().pixels().map(|p| p.0).collect())
-    } else {
-        TexturePixels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect())
-    };
-    Ok(TextureImage { width, height, pixels })
+    Ok((decoder, format))
+}
+
+/// A PNG file without the chunks that pixels do not need: profiles and texts are compressed too,
+/// and a few kilobytes of them may become gigabytes. What is no PNG file stays as it is.
+fn essential(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+    let Some(mut rest) = bytes.strip_prefix(SIGNATURE) else { return Cow::Borrowed(bytes) };
+    let mut kept = SIGNATURE.to_vec();
+    while let Some((length, _)) = rest.split_first_chunk() {
+        // Length, kind, data, checksum; the decoder tells of a chunk that is cut.
+        let end = (u32::from_be_bytes(*length) as usize).saturating_add(12).min(rest.len());
+        let (chunk, after) = rest.split_at(end);
+        if matches!(chunk.get(4..8), Some(b"IHDR" | b"PLTE" | b"tRNS" | b"IDAT" | b"IEND")) {
+            kept.extend(chunk);
+        }
+        rest = after;
+    }
+    Cow::Owned(kept)
 }
 
 /// The names that [`write`] takes; a name without an extension is that of a PNG.

@@ -105,7 +105,8 @@ impl CameraSample {
 
     /// The ray.
     fn ray(&self) -> Ray {
-        Ray { origin: self.camera.origin, tmin: 0.0, dir: self.camera.dir, tmax: f32::INFINITY }
+        let CameraRay { origin, dir, range: [tmin, tmax], .. } = self.camera;
+        Ray { origin, tmin, dir, tmax }
     }
 
     /// Seed of the decisions at partly transparent surfaces.

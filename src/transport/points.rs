@@ -165,8 +165,8 @@ impl PathTracer<'_> {
     fn first_vertex(
         &self, camera: &CameraRay, seed: u64, wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
     ) -> Option<(Vertex, u32)> {
-        let mut ray =
-            Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
+        let [tmin, tmax] = camera.range;
+        let mut ray = Ray { origin: camera.origin, tmin, dir: camera.dir, tmax };
         let mut sampler = Sampler::new(seed, 0);
         let mut travelled = 0.0;
         for bounces in 0..LONGEST_CHAIN {

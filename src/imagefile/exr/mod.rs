@@ -10,6 +10,7 @@ mod write_exrs;
 #[cfg(feature = "openexr")]
 mod write_openexr;
 
+pub(super) use read::read_bytes_within;
 pub use read::{read, read_bytes};
 
 use super::picture::Picture;

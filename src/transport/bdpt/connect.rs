@@ -282,7 +282,7 @@ impl Bidirectional<'_> {
         let made =
             f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
         let (end, before) = self.before_light(work, s, scattering.to_light);
-        let ray = self.tracer.scene.segment(&v.point, view.to_camera, view.distance, 0.0);
+        let ray = self.tracer.scene.segment(&v.point, view.to_camera, view.clear, 0.0);
         Some(Link {
             light,
             end,
