@@ -1,6 +1,7 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
+use super::info::BENT_LIGHT;
 use super::presets::{pair, preset};
 use super::tables::tables;
 use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
@@ -15,6 +16,7 @@ use lumicache::progress::{Phase, Progress};
 use lumicache::render::viewer::{Display, Tile};
 use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
 use lumicache::scene::Scene;
+use lumicache::transport::glass_bends_light;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -105,6 +107,9 @@ impl<'a> Request<'a> {
         let (scene, mut warnings) = self.scene(&mut clock, progress)?;
         let arguments = self.arguments;
         let mut viewer = Viewer::default();
+        if !matches!(arguments.integrator, IntegratorName::Bdpt) && glass_bends_light(&scene) {
+            warnings.push(BENT_LIGHT.to_owned());
+        }
         let job = self.job(&scene)?.progress(progress).clock(clock);
         viewer.connect(arguments, &self.output, job.settings()?.window)?;
         let (cancelled, table) = match &arguments.frames {

@@ -1,7 +1,9 @@
 //! The immutable world that rays are traced in.
 
 mod world;
+mod shadows;
 
+pub use shadows::{are_parallel, same_direction};
 pub use world::{Scene, gap};
 
 use crate::camera::{Camera, Motion};
