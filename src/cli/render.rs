@@ -1,6 +1,7 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
+use super::info::BENT_LIGHT;
 use super::presets::{is_file, pair, preset};
 use super::tables::tables;
 use super::terminal::{in_file, on_threads, parse_size, print, thread_count, warn};
@@ -16,6 +17,7 @@ use lumicache::progress::{Phase, Progress};
 use lumicache::render::viewer::{Display, Tile};
 use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
 use lumicache::scene::Scene;
+use lumicache::transport::glass_bends_light;
 use serde_json::Value;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -110,6 +112,9 @@ impl<'a> Request<'a> {
         self.outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
         let arguments = self.arguments;
         let mut viewer = Viewer::default();
+        if !matches!(arguments.integrator, IntegratorName::Bdpt) && glass_bends_light(&scene) {
+            warnings.push(BENT_LIGHT.to_owned());
+        }
         let job = self.job(&scene)?.progress(progress).clock(clock);
         viewer.connect(arguments, &self.output, job.settings()?.window)?;
         let (cancelled, table) = match &arguments.frames {

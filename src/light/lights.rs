@@ -132,6 +132,11 @@ impl Lights {
         self.environment.is_some()
     }
 
+    /// True if there are discs such as the sun's in the environment.
+    pub fn has_discs(&self) -> bool {
+        self.environment.as_ref().is_some_and(Distant::has_discs)
+    }
+
     /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever
     /// is in its way.
     pub fn may_shine_along(&self, origin: Vec3, direction: Vec3) -> bool {
