@@ -5,7 +5,7 @@ mod motion;
 pub use motion::{Interpolation, Joint, Motion, Track, without_scale};
 
 use crate::math::{Affine3A, Vec2, Vec3};
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 
 /// The two projections of glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,6 +68,13 @@ pub struct CameraView {
 }
 
 impl Camera {
+    /// The camera moved by `by`.
+    #[must_use]
+    pub fn shifted(mut self, by: DVec3) -> Self {
+        self.to_world.translation = (self.to_world.translation.as_dvec3() + by).as_vec3a();
+        self
+    }
+
     /// World to camera space.
     pub fn world_to_camera(&self) -> Mat4 {
         Mat4::from(self.to_world.inverse())

@@ -84,7 +84,7 @@ impl CacheObject {
             .scheme(made_by.scheme)
             .quality(made_by.quality)
             .integrator(integrator)
-            .camera(camera(desc)?)
+            .camera(camera(desc)?.shifted(-scene.origin()))
             .size(desc.width, desc.height)
             .max_bounces(made_by.max_bounces)
             .seed(made_by.seed)

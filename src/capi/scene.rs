@@ -16,6 +16,7 @@ use crate::hosted::Host;
 use crate::import::{self, ImportOptions};
 use crate::math::{Affine3A, Vec3};
 use crate::scene::{Scene, SceneData};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
@@ -43,6 +44,19 @@ impl Committed {
             SceneKind::Own(scene) => scene.size(),
             SceneKind::Host(host) => host.bounds.diagonal(),
         }
+    }
+
+    /// Where the zero of the scene's coordinates lies in the world.
+    pub fn origin(&self) -> DVec3 {
+        match &self.kind {
+            SceneKind::Own(scene) => scene.origin(),
+            SceneKind::Host(_) => DVec3::ZERO,
+        }
+    }
+
+    /// A position of the scene in the world.
+    pub fn to_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() + self.origin()).as_vec3()
     }
 
     /// The host, if it keeps the scene.
@@ -163,10 +177,16 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
         numbers.push(first..first + parts.len() as u32);
         data.geometry.meshes.extend(parts.into_iter().map(Arc::new));
     }
+    let of_file = !data.geometry.instances.is_empty();
     for (mesh, to_world) in &draft.instances {
-        data.geometry.instances.extend(
-            numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }),
-        );
+        let mut to_world = *to_world;
+        to_world.translation = (to_world.translation.as_dvec3() - data.origin).as_vec3a();
+        data.geometry
+            .instances
+            .extend(numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world }));
+    }
+    if !of_file {
+        data.recenter();
     }
     let (scene, warnings) = Scene::new(data, device.backend)?;
     let (hashes, hash) = (scene.hashes().clone(), scene.hash());
@@ -221,6 +241,7 @@ pub unsafe extern "C" fn lumi_scene_load_gltf(
         let device = &scene.device;
         let read = || import::gltf(file, &ImportOptions::default());
         let mut data = device.pool.install(read)?;
+        draft.data.punctual.iter_mut().for_each(|light| light.shift(-data.origin));
         data.punctual.append(&mut draft.data.punctual);
         data.environment = draft.data.environment.take().or(data.environment);
         draft.data = data;
@@ -350,7 +371,9 @@ pub unsafe extern "C" fn lumi_scene_add_light(
 ) -> lumi_error {
     guard("lumi_scene_add_light", || {
         change(scene, |draft| {
-            draft.data.punctual.push(describe::light(&read(light, "the light")?)?);
+            let mut light = describe::light(&read(light, "the light")?)?;
+            light.shift(-draft.data.origin);
+            draft.data.punctual.push(light);
             Ok(())
         })
     })
@@ -430,8 +453,8 @@ pub unsafe extern "C" fn lumi_scene_get_info(
         let value = lumi_scene_info {
             struct_size: 0,
             reserved: 0,
-            bounds_min: committed.bounds.min.to_array(),
-            bounds_max: committed.bounds.max.to_array(),
+            bounds_min: committed.to_world(committed.bounds.min).to_array(),
+            bounds_max: committed.to_world(committed.bounds.max).to_array(),
             triangles: triangles as u64,
             cameras: cameras as u64,
             hash: c_text(&committed.hash),
@@ -462,12 +485,13 @@ pub unsafe extern "C" fn lumi_scene_trace(
         for i in 0..n {
             let dir = dirs.vector(i);
             let length = dir.length();
-            let ray = Ray::new(origins.vector(i), dir / length);
+            let ray = Ray::new(scene.from_world(origins.vector(i)), dir / length);
             let mut hit = (f32::INFINITY, [Vec3::ZERO; 4]);
             if let Some((mut point, t)) = scene.intersect(&ray, 0) {
                 let bsdf = scene.shade(&mut point);
                 let color = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
-                hit = (t / length, [point.position, point.frame.n, point.ng, color]);
+                hit =
+                    (t / length, [scene.to_world(point.position), point.frame.n, point.ng, color]);
             }
             let (t, [at, n, ng, color]) = hit;
             distance.set(i, [t]);

@@ -4,6 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lumicache::error::{Error, Result};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::workers;
+use nix::sys::signal::{SigSet, Signal};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -13,12 +14,36 @@ use std::time::Duration;
 
 /// Prints `text`; a reader that stops listening early is no failure.
 pub fn print(text: &[u8]) -> Result<()> {
-    match std::io::stdout().lock().write_all(text) {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text).and_then(|()| out.flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::io(Path::new("standard output"))(e))
         }
         _ => Ok(()),
     }
+}
+
+/// Lets a write beyond the limit of file sizes fail like one to a full disk; by default the system
+/// kills the process. For the calling thread and those that it starts.
+pub fn survive_size_limits() {
+    let mut signals = SigSet::empty();
+    signals.add(Signal::SIGXFSZ);
+    // Without it the system does what it does.
+    let _ = signals.thread_block();
+}
+
+/// Says `what` on standard error, in one line whatever it contains. Nobody may be listening there:
+/// then there is nobody to tell.
+pub fn tell(what: &str) {
+    let line: String = what.chars().flat_map(shown).collect();
+    let _ = writeln!(std::io::stderr().lock(), "lumicache: {line}");
+}
+
+/// A character as a terminal may be given it: what would control it is escaped.
+fn shown(c: char) -> impl Iterator<Item = char> {
+    let (plain, escaped) =
+        if c.is_control() { (None, Some(c.escape_default())) } else { (Some(c), None) };
+    plain.into_iter().chain(escaped.into_iter().flatten())
 }
 
 pub fn print_line(text: &str) -> Result<()> {
@@ -79,7 +104,7 @@ fn cancel_on_interrupt(progress: &Arc<Progress>) {
         progress.cancel();
     });
     if let Err(error) = installed {
-        eprintln!("lumicache: warning: Ctrl-C will not save the image so far: {error}");
+        tell(&format!("warning: Ctrl-C will not save the image so far: {error}"));
     }
 }
 

@@ -3,6 +3,7 @@
 use super::exr;
 use super::picture::{Channel, Picture, SampleKind};
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::math::Color;
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
@@ -18,13 +19,14 @@ const MAX_PIXELS_PER_BYTE: u64 = 1024;
 /// (its `R`, `G`, `B` or `Y` channels, else those of the first layer that has all three). Negative
 /// values, which filters ring into such pictures, become 0.
 ///
-/// A Radiance file's `EXPOSURE` is not applied, as in most renderers.
+/// Pixels of a Radiance file are divided by the product of its `EXPOSURE` lines and, channel by
+/// channel, by that of its `COLORCORR` lines: radiance in the scene's units.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Image`] for damaged files and
 /// for NaN or infinite values, naming the pixel.
 pub fn read_environment(path: &Path) -> Result<Picture> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         exr::read_bytes(&bytes).and_then(environment_of)
     } else if bytes.starts_with(b"#?") {
@@ -53,9 +55,16 @@ fn decode_radiance(bytes: &[u8]) -> std::result::Result<Picture, String> {
             bytes.len()
         ));
     }
+    let header = decoder.metadata();
+    let (r, g, b) = header.color_correction.unwrap_or((1.0, 1.0, 1.0));
+    let factors = [r, g, b].map(|c| c * header.exposure.unwrap_or(1.0));
+    if let Some(bad) = factors.iter().find(|f| !f.is_normal() || **f < 0.0) {
+        return Err(format!("its EXPOSURE and COLORCORR lines multiply to {bad}"));
+    }
     let mut samples = vec![0f32; pixels as usize * 3];
     decoder.read_image(bytemuck::cast_slice_mut(&mut samples)).map_err(broken)?;
-    let planes = [0, 1, 2].map(|c| samples.iter().skip(c).step_by(3).copied().collect());
+    let planes =
+        [0, 1, 2].map(|c| samples.iter().skip(c).step_by(3).map(|x| x / factors[c]).collect());
     Ok(rgb([width, height], planes))
 }
 
@@ -119,6 +128,23 @@ mod tests {
         let image = read_environment(&path).unwrap();
         assert_eq!((image.width, image.height), (2, 1));
         assert_eq!(image.colors("").unwrap(), [Color::new(1.0, 0.5, 0.25), Color::ZERO]);
+    }
+
+    #[test]
+    fn exposure_and_colour_correction_are_divided_out() {
+        let of = |lines: &str| {
+            let head = format!("#?RADIANCE\n{lines}FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n");
+            let (_dir, path) = saved("a.hdr", &[head.as_bytes(), &[128, 128, 128, 129]].concat());
+            read_environment(&path).map(|image| image.colors("").unwrap()[0])
+        };
+        assert_eq!(of("").unwrap(), Color::ONE);
+        assert_eq!(of("EXPOSURE=2.0\n").unwrap(), Color::splat(0.5));
+        assert_eq!(of("EXPOSURE=2\nEXPOSURE=4\n").unwrap(), Color::splat(0.125));
+        let lines = "COLORCORR=1 2 4\nEXPOSURE=0.5\nCOLORCORR=1 1 2\n";
+        assert_eq!(of(lines).unwrap(), Color::new(2.0, 1.0, 0.25));
+        for bad in ["EXPOSURE=0\n", "EXPOSURE=-1\n", "EXPOSURE=inf\n", "COLORCORR=1 0 1\n"] {
+            assert!(of(bad).unwrap_err().to_string().contains("EXPOSURE"), "{bad}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::accessor::{Accessors, Format};
 use super::budget::Budget;
 use super::camera::CameraKind;
 use super::fault::{Fault, Parsed};
+use super::flat::{flattened, is_flat};
 use super::ies::Luminaire;
 use super::light::Light;
 use super::mesh::{self, Mesh, Primitive, Recipe};
@@ -14,7 +15,7 @@ use crate::camera::Motion;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::material::{Material, NativeBrdf};
 use crate::math::{Affine3A, Vec2, Vec3};
-use crate::scene::SceneData;
+use crate::scene::{Part, SceneData, center, middle};
 use crate::texture::TextureRef;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::{BTreeMap, HashMap};
@@ -39,7 +40,19 @@ pub(super) struct Parts<'p, 'a> {
 struct Placed {
     mesh: u32,
     bounds: Aabb,
+    /// How far its vertices were moved.
+    moved: DVec3,
 }
+
+/// An instance before the place of the scene is decided.
+struct Standing<'p> {
+    path: &'p str,
+    placed: Placed,
+    to_world: DAffine3,
+}
+
+/// Most bytes of a vertex: position, normal, tangent, two texture coordinates, colour.
+const FLAT_VERTEX: u64 = 72;
 
 /// Fills a scene, whose materials are there already, with what the nodes under `roots` show.
 pub(super) struct Assembly<'p, 'a> {
@@ -49,32 +62,48 @@ pub(super) struct Assembly<'p, 'a> {
     /// Meshes by recipe and morph weights; `None` for those without triangles.
     made: HashMap<(Recipe, Vec<u32>), Option<Placed>>,
     default_material: Option<u32>,
+    standing: Vec<Standing<'p>>,
     singular: usize,
 }
 
 impl<'p, 'a> Assembly<'p, 'a> {
     /// An assembly of `parts` into `scene`.
     pub fn new(parts: Parts<'p, 'a>, scene: SceneData, budget: &'p mut Budget) -> Self {
-        Self { parts, scene, budget, made: HashMap::new(), default_material: None, singular: 0 }
+        Self {
+            parts,
+            scene,
+            budget,
+            made: HashMap::new(),
+            default_material: None,
+            standing: Vec::new(),
+            singular: 0,
+        }
     }
 
     /// The finished scene.
     pub fn build(mut self, roots: &[usize]) -> Parsed<SceneData> {
         let graph = self.parts.graph;
         let mut cameras = Vec::new();
-        for i in graph.reachable(roots) {
-            let node = &graph.nodes[i];
+        let reachable = graph.reachable(roots);
+        for node in reachable.iter().map(|i| &graph.nodes[*i]) {
             if let Some(index) = node.mesh {
                 self.mesh(node, &self.parts.meshes[index])?;
             }
+        }
+        self.place()?;
+        let shift = -self.scene.origin;
+        for i in reachable {
+            let node = &graph.nodes[i];
+            let to_world = DAffine3::from_translation(shift) * node.to_world;
             if let Some((index, kind)) =
                 node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?)))
             {
                 let fallback =
                     if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
-                match kind.placed(&node.to_world, fallback) {
+                match kind.placed(&to_world, fallback) {
                     Some(camera) => {
-                        cameras.push((index, camera, self.parts.motions.get(&i).cloned()))
+                        let motion = self.parts.motions.get(&i).map(|m| m.shifted(shift));
+                        cameras.push((index, camera, motion));
                     }
                     None => self.scene.warnings.push(format!(
                         "{}: its camera has no direction and is left out",
@@ -85,9 +114,9 @@ impl<'p, 'a> Assembly<'p, 'a> {
             let light = node
                 .light
                 .and_then(|l| self.parts.lights[l].as_ref())
-                .map(|light| light.placed(&node.to_world));
+                .map(|light| light.placed(&to_world));
             let luminaire =
-                self.parts.luminaires[i].as_ref().map(|l| l.placed(&node.to_world, f32::INFINITY));
+                self.parts.luminaires[i].as_ref().map(|l| l.placed(&to_world, f32::INFINITY));
             for light in [light, luminaire].into_iter().flatten() {
                 match light {
                     Some(light) => self.scene.punctual.push(light),
@@ -103,7 +132,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
         if self.singular > 0 {
             let what = format!(
-                "{} instances are left out because their scale or their transform is singular",
+                "{} instances are left out because their transform leaves a line or a point of them",
                 self.singular
             );
             self.scene.warnings.push(what);
@@ -111,7 +140,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
         Ok(self.scene)
     }
 
-    fn mesh(&mut self, node: &Node, mesh: &'p Mesh) -> Parsed<()> {
+    fn mesh(&mut self, node: &'p Node, mesh: &'p Mesh) -> Parsed<()> {
         let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
         if let Some(skin) = node.skin {
             return self.skinned(node, mesh, weights, &self.parts.skins[skin]);
@@ -147,7 +176,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     /// A skinned mesh stands in the world by its joints alone: its node's own transform does not
     /// count.
-    fn skinned(&mut self, node: &Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
+    fn skinned(&mut self, node: &'p Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
         let matrices = skin.matrices(self.parts.graph, self.parts.accessors, self.budget)?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let mut built = mesh::build(primitive, weights, self.parts.accessors, self.budget)?;
@@ -203,9 +232,11 @@ impl<'p, 'a> Assembly<'p, 'a> {
             });
         }
         self.texture_space(primitive, &mut mesh);
-        let bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
-        self.scene.geometry.meshes.push(Arc::new(mesh));
-        Ok(Some(Placed { mesh: self.scene.geometry.meshes.len() as u32 - 1, bounds }))
+        let mut bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
+        let (number, mut mesh) = (self.scene.geometry.meshes.len() as u32, Arc::new(mesh));
+        let moved = center(&mut mesh, &mut bounds);
+        self.scene.geometry.meshes.push(mesh);
+        Ok(Some(Placed { mesh: number, bounds, moved }))
     }
 
     /// Makes the tangents that the material needs, and tells of texture coordinates that it needs
@@ -241,24 +272,53 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
     }
 
-    fn instance(&mut self, node: &Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
-        self.budget.spend(1, size_of::<Instance>() as u64, &node.path)?;
-        let to_world = Affine3A::from_mat3_translation(
-            to_world.matrix3.as_mat3(),
-            to_world.translation.as_vec3(),
-        );
+    fn instance(&mut self, node: &'p Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
+        self.budget.spend(1, size_of::<Standing>() as u64, &node.path)?;
+        let to_world = to_world * DAffine3::from_translation(placed.moved);
+        self.standing.push(Standing { path: &node.path, placed, to_world });
+        Ok(())
+    }
+
+    /// Decides the place of the scene's coordinates, and puts the instances there.
+    fn place(&mut self) -> Parsed<()> {
+        let standing = std::mem::take(&mut self.standing);
+        let meshes = &self.scene.geometry.meshes;
+        let part = |s: &Standing| {
+            let triangles = meshes[s.placed.mesh as usize].indices.len();
+            Part::new(&s.placed.bounds, triangles, &s.to_world)
+        };
+        self.scene.origin = middle(&standing.iter().map(part).collect::<Vec<_>>());
+        standing.into_iter().try_for_each(|s| self.stand(s))
+    }
+
+    fn stand(&mut self, Standing { path, placed, to_world }: Standing) -> Parsed<()> {
+        let exact = DAffine3::from_translation(-self.scene.origin) * to_world;
+        let to_world =
+            Affine3A::from_mat3_translation(exact.matrix3.as_mat3(), exact.translation.as_vec3());
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());
         let far = to_world.matrix3.x_axis.abs() * reach.x
             + to_world.matrix3.y_axis.abs() * reach.y
             + to_world.matrix3.z_axis.abs() * reach.z;
         if !(far + to_world.translation.abs()).is_finite() {
-            return Err(Fault::new(node.path.as_str(), "its mesh leaves the range of numbers"));
+            return Err(Fault::new(path, "its mesh leaves the range of numbers"));
         }
-        if to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite() {
+        let regular = to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite();
+        if regular && !is_flat(&exact) {
             self.scene.geometry.instances.push(Instance { mesh: placed.mesh, to_world });
-        } else {
+            return Ok(());
+        }
+        let geometry = &mut self.scene.geometry;
+        let mesh = &geometry.meshes[placed.mesh as usize];
+        self.budget.spend(mesh.positions.len() as u64, FLAT_VERTEX, path)?;
+        self.budget.spend(mesh.indices.len() as u64, size_of::<[u32; 3]>() as u64, path)?;
+        let mesh = flattened(mesh, &exact);
+        if mesh.indices.is_empty() {
             self.singular += 1;
+        } else {
+            let to_world = Affine3A::IDENTITY;
+            geometry.instances.push(Instance { mesh: geometry.meshes.len() as u32, to_world });
+            geometry.meshes.push(Arc::new(mesh));
         }
         Ok(())
     }

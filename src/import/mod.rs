@@ -11,8 +11,8 @@
 //!
 //! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations
 //! only those that move cameras are read. Points and lines are left out with a warning, and so
-//! are triangles without area and instances whose transform is singular. Meshes that several nodes
-//! show are stored once.
+//! are triangles without area and instances whose transform leaves a line or a point of them.
+//! Meshes that several nodes show are stored once, flattened ones once for each node.
 //!
 //! # How strict it is
 //!
@@ -74,6 +74,7 @@ mod fault;
 mod schema;
 mod tangents;
 mod topology;
+mod flat;
 mod value;
 mod budget;
 mod check;
@@ -105,6 +106,7 @@ pub use ies::ies;
 
 use crate::accel::Backend;
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::{Scene, SceneData};
 use accessor::Accessors;
@@ -187,7 +189,7 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
             "it is larger than 4 GiB, which no GLB can be and no document should",
         ));
     }
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     read(&bytes, path, options).map_err(|fault| fault.into_error(path))
 }
 

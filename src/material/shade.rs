@@ -26,12 +26,20 @@ impl Material {
     /// blend.
     #[inline]
     pub fn opacity(&self, textures: &[Texture], sp: &SurfacePoint) -> f32 {
-        let alpha =
-            || self.base_alpha * sp.color.w * texture(textures, &self.base_color_texture, &sp.uv).w;
+        if self.is_opaque() {
+            return 1.0;
+        }
+        let alpha = texture(textures, &self.base_color_texture, &sp.uv).w;
+        self.opacity_of(self.base_alpha * sp.color.w * alpha)
+    }
+
+    /// [`Material::opacity`] where alpha, all factors counted, is `alpha`.
+    #[inline]
+    pub fn opacity_of(&self, alpha: f32) -> f32 {
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
-            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+            AlphaMode::Mask(cutoff) => f32::from(alpha >= cutoff),
+            AlphaMode::Blend => alpha.clamp(0.0, 1.0),
         }
     }
 

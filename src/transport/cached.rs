@@ -153,7 +153,7 @@ impl<'a> CachedIntegrator<'a> {
             beta *= scene.transmittance(&point, distance);
             let vertex = Vertex { point, bsdf };
             if bounces == 0 {
-                out.surface = Some(Surface::new(&point, &bsdf, distance));
+                out.surface = Some(Surface::new(self.tracer.scene, &point, &bsdf, distance));
             }
 
             let mut lit = None;

@@ -101,8 +101,8 @@ fn on_triangle(
     let [a, b, c] = scene.geometry().triangle(instance, triangle);
     let normal = (b - a).cross(c - a).try_normalize()?;
     let normal = if normal.dot(sample.wi) > 0.0 { -normal } else { normal };
-    let radiance = if scene.emission_is_textured(instance) {
-        scene.emission_at(instance, triangle, u, v, sample.wi)
+    let radiance = if scene.emission_varies(instance) {
+        scene.sent_at(instance, triangle, u, v, sample.wi)
     } else {
         sample.radiance
     };

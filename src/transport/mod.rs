@@ -33,6 +33,7 @@ use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{Sampler, hash};
+use crate::scene::Scene;
 
 /// The light of one camera sample, split as the output layers are; the five sum to the beauty.
 /// Albedo is multiplied in.
@@ -141,9 +142,10 @@ pub struct Surface {
 }
 
 impl Surface {
-    fn new(point: &SurfacePoint, bsdf: &Bsdf, distance: f32) -> Self {
+    fn new(scene: &Scene, point: &SurfacePoint, bsdf: &Bsdf, distance: f32) -> Self {
         let albedo = bsdf.albedo(point.frame.to_local(point.wo));
-        Self { position: point.position, normal: point.frame.n, albedo, distance }
+        let position = scene.to_world(point.position);
+        Self { position, normal: point.frame.n, albedo, distance }
     }
 }
 

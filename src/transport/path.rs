@@ -121,7 +121,7 @@ impl PathTracer<'_> {
         };
         out.radiance.emission = self.scene.emission(&point);
         let bsdf = self.scene.shade(&mut point);
-        out.surface = Some(Surface::new(&point, &bsdf, distance));
+        out.surface = Some(Surface::new(self.scene, &point, &bsdf, distance));
         let vertex = Vertex { point, bsdf };
         if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything) {
             let lit = lit.behind(self.scene.visibility(&shadow, shadow_seed(seed, 0)));
@@ -393,9 +393,9 @@ pub(super) fn reflected(
     }
     let mut radiance = light.radiance;
     if let LightSource::Triangle { instance, triangle, u, v } = light.source
-        && scene.emission_is_textured(instance)
+        && scene.emission_varies(instance)
     {
-        radiance = scene.emission_at(instance, triangle, u, v, light.wi);
+        radiance = scene.sent_at(instance, triangle, u, v, light.wi);
     }
     let weight = |pdf: f32| if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
     let (for_diffuse, for_glossy) = match sampled {

@@ -22,8 +22,6 @@ const MAX_STRETCH: f32 = 10.0;
 const LIGHT_SAMPLES: u32 = 4;
 /// Points whose shadow rays are traced together.
 const APPEARANCES: usize = 64;
-/// Footprint of points that the camera does not see, as a share of the scene's diagonal.
-const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// A point that the camera sees, its BSDF, and how it looks.
 pub type View = (SurfacePoint, Bsdf, Appearance);
@@ -205,7 +203,6 @@ impl PathTracer<'_> {
                 }
                 let (mut point, _) = self.scene.intersect(&self.scene.spawn(from, dir), words)?;
                 let bsdf = self.scene.shade(&mut point);
-                point.footprint = DEEPER_FOOTPRINT * self.scene.size();
                 let order = radiance_order(lobes, &point, &bsdf);
                 (bsdf.has_diffuse() || order > 0).then_some((point, order))
             })

@@ -344,8 +344,8 @@ fn lights_without_extent_shine_through_panes() {
                 direction: Vec3::NEG_Y,
                 intensity: Color::splat(3.0),
                 range: f32::INFINITY,
-                cos_inner: 0.95,
-                cos_outer: 0.9,
+                inner: 0.3,
+                outer: 0.45,
             },
         ];
         assert_agree(name, &build(data), [16, 16, 24], 0.01);

@@ -217,9 +217,9 @@ impl Bidirectional<'_> {
         let scattering = v.of_camera_path(light.wi);
         let radiance = match light.source {
             LightSource::Triangle { instance, triangle, u, v }
-                if self.tracer.scene.emission_is_textured(instance) =>
+                if self.tracer.scene.emission_varies(instance) =>
             {
-                self.tracer.scene.emission_at(instance, triangle, u, v, light.wi)
+                self.tracer.scene.sent_at(instance, triangle, u, v, light.wi)
             }
             _ => light.radiance,
         };

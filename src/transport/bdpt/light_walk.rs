@@ -38,10 +38,8 @@ pub(super) fn walk_from_light(
     let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
     let Some(start) = emission.sample(select, place, turn) else { return };
     let emitted = match start.end.source {
-        LightSource::Triangle { instance, triangle, u, v }
-            if scene.emission_is_textured(instance) =>
-        {
-            scene.emission_at(instance, triangle, u, v, -start.direction)
+        LightSource::Triangle { instance, triangle, u, v } if scene.emission_varies(instance) => {
+            scene.sent_at(instance, triangle, u, v, -start.direction)
         }
         _ => start.emitted,
     };

@@ -138,7 +138,12 @@ impl Bidirectional<'_> {
             let mut vertex = Vertex::new(self.tracer.scene, raw, beta, 0.0);
             vertex.forward = match path.vertices.last() {
                 None => {
-                    out.surface = Some(Surface::new(&vertex.point, &vertex.bsdf, distance));
+                    out.surface = Some(Surface::new(
+                        self.tracer.scene,
+                        &vertex.point,
+                        &vertex.bsdf,
+                        distance,
+                    ));
                     self.camera_density(&vertex)
                 }
                 Some(last) => vertex.per_area(density, last.vertex.point.position),
