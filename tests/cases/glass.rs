@@ -344,8 +344,8 @@ fn lights_without_extent_shine_through_panes() {
                 direction: Vec3::NEG_Y,
                 intensity: Color::splat(3.0),
                 range: f32::INFINITY,
-                inner: 0.3,
-                outer: 0.45,
+                inner: 0.05,
+                outer: 0.1,
             },
         ];
         assert_agree(name, &build(data), [16, 16, 24], 0.01);
