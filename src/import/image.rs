@@ -28,6 +28,14 @@ pub(super) fn images(
             let what = "must have either a uri or a bufferView, and not both";
             return Err(Fault::new(format!("/images/{i}"), what));
         }
+        let Some(view) = json.buffer_view else { continue };
+        if json.mime_type.is_none() {
+            warnings.mend(&format!("/images/{i}"), "the property \"mimeType\" is missing")?;
+        }
+        if buffers.views[view.value()].stride().is_some() {
+            let what = "a view of image data should not have a byteStride";
+            warnings.mend(&format!("/images/{i}/bufferView"), what)?;
+        }
     }
     let mut finder = Finder { document, buffers, budget, warnings, seen: HashMap::new() };
     let (mut encoded, mut repeats, mut images) = (Vec::new(), Vec::new(), BTreeMap::new());
@@ -99,7 +107,7 @@ struct Finder<'f> {
 impl<'f> Finder<'f> {
     /// Leaves out an image because of `fault`, if that is harmless.
     fn replaced(&mut self, fault: Fault) -> Parsed<Option<Arc<TextureImage>>> {
-        if matches!(fault.why, Why::Forbidden | Why::Memory) {
+        if self.warnings.is_strict() || matches!(fault.why, Why::Forbidden | Why::Memory) {
             return Err(fault);
         }
         let what = "the image cannot be shown, so factors stand alone where materials show it";
@@ -110,7 +118,10 @@ impl<'f> Finder<'f> {
     fn find(&mut self, index: usize, json: &json::Image) -> Parsed<Encoded<'f>> {
         let path = format!("/images/{index}");
         let mut declared = json.mime_type.as_ref().map(|kind| kind.0.clone());
-        let at = format!("{path}/mimeType");
+        let at = match json.mime_type {
+            Some(_) => format!("{path}/mimeType"),
+            None => format!("{path}/uri"),
+        };
         let (source, bytes) = match (&json.uri, json.buffer_view.map(|view| view.value())) {
             (Some(uri), _) => {
                 match uri::resolve(uri, &format!("{path}/uri"), &self.document.folder)? {
@@ -136,13 +147,6 @@ impl<'f> Finder<'f> {
             }
             (None, view) => {
                 let view = view.unwrap_or_default();
-                if declared.is_none() {
-                    self.warnings.mend(&path, "the property \"mimeType\" is missing")?;
-                }
-                if self.buffers.views[view].stride().is_some() {
-                    let what = "a view of image data should not have a byteStride";
-                    self.warnings.mend(&format!("{path}/bufferView"), what)?;
-                }
                 let bytes =
                     self.buffers.bytes(view).map_err(|why| Fault::new(path.as_str(), why))?;
                 (Source::View(view), Cow::Borrowed(bytes))
