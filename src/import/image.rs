@@ -17,8 +17,8 @@ use std::sync::Arc;
 /// The longest image file that is read.
 const LONGEST_IMAGE: u64 = 1 << 30;
 
-/// Checks all images of the document, and decodes those that are `wanted`; `None` for one that
-/// cannot be shown, which is mended by leaving it out.
+/// Checks all images of the document, and decodes those that are `wanted`, or all where the caller
+/// is strict; `None` for one that cannot be shown, which is mended by leaving it out.
 pub(super) fn images(
     document: &Document, buffers: &Buffers, wanted: &BTreeSet<usize>, budget: &mut Budget,
     warnings: &mut Warnings,
@@ -37,15 +37,20 @@ pub(super) fn images(
             warnings.mend(&format!("/images/{i}/bufferView"), what)?;
         }
     }
+    let unshown = (0..document.root().images.len())
+        .filter(|i| warnings.is_strict() && !wanted.contains(i))
+        .collect::<Vec<_>>();
     let mut finder = Finder { document, buffers, budget, warnings, seen: HashMap::new() };
     let (mut encoded, mut repeats, mut images) = (Vec::new(), Vec::new(), BTreeMap::new());
-    for &i in wanted {
+    for &i in wanted.iter().chain(&unshown) {
         match finder.find(i, &document.root().images[i]) {
             Ok(Encoded::Here(bytes)) => {
                 finder.budget.spend(ldr::memory(&bytes), 1, &format!("/images/{i}"))?;
                 encoded.push((i, bytes));
             }
             Ok(Encoded::Again(first)) => repeats.push((i, first)),
+            // The specification does not say what else there may be.
+            Err(fault) if fault.why == Why::Unsupported && !wanted.contains(&i) => {}
             Err(fault) => drop(images.insert(i, finder.replaced(fault)?)),
         }
     }
@@ -157,7 +162,7 @@ impl<'f> Finder<'f> {
                 Source::File(file) => format!("{} ", quote(&file.to_string_lossy())),
                 _ => String::new(),
             };
-            Fault::new(path.as_str(), format!("{name}is no PNG, JPEG or WebP image"))
+            Fault::unsupported(path.as_str(), format!("{name}is no PNG, JPEG or WebP image"))
         })?;
         if let Some(declared) = declared.filter(|declared| declared != actual) {
             let what = format!("declared as {}, and is {actual}", quote(&declared));

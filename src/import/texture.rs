@@ -65,9 +65,6 @@ impl<'a> Textures<'a> {
             }
             wanted.insert(image);
         }
-        if warnings.is_strict() {
-            wanted.extend(0..count);
-        }
         let images = image::images(document, buffers, &wanted, budget, warnings)?;
         Ok(Self { images, textures, slots: Vec::new(), slot_of: HashMap::new(), budget })
     }
