@@ -41,7 +41,7 @@ pub enum Error {
     InvalidArgument(String),
     /// The ray tracing device failed.
     Device(String),
-    /// The ray tracing device has no memory left.
+    /// There is no memory for what was asked.
     OutOfMemory(String),
     /// Reading or writing a file failed.
     Io {
@@ -120,6 +120,11 @@ impl Error {
     /// A [`Error::Image`] for `file`.
     pub fn image(file: &Path, what: impl Into<String>) -> Self {
         Self::Image { file: file.to_owned(), what: what.into() }
+    }
+
+    /// A [`Error::OutOfMemory`] for `bytes` bytes that `what` needs.
+    pub fn memory(what: impl std::fmt::Display, bytes: u64) -> Self {
+        Self::OutOfMemory(format!("{what}: there is no memory for {bytes} bytes"))
     }
 
     /// Turns an I/O error on `file` into ours; for use with `map_err`.

@@ -274,8 +274,8 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
                 direction: direction()?,
                 intensity,
                 range,
-                cos_inner,
-                cos_outer,
+                inner: 1.0 - cos_inner,
+                outer: 1.0 - cos_outer,
             }
         }
         LUMI_LIGHT_DIRECTIONAL => {

@@ -45,8 +45,7 @@ impl DeviceObject {
     }
 }
 
-/// A pool whose threads flush denormals, as the tracer wants; the host's own threads are not
-/// touched.
+/// A pool whose threads round to the nearest and flush denormals, as the tracer wants.
 pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadPool> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -239,7 +239,7 @@ pub struct Compare {
     #[arg(long)]
     pub json: bool,
     /// Write a picture of the FLIP error.
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png|.jpg")]
     pub flip: Option<PathBuf>,
     /// Compare the layer NAME.R, NAME.G, NAME.B of both files instead of R, G, B.
     #[arg(long, value_name = "NAME")]
@@ -362,8 +362,12 @@ pub struct Render {
     /// Layers beside the beauty: none, basic, all, or names.
     #[arg(long, value_name = "LIST", default_value = "basic")]
     pub aov: String,
+    /// Write 32-bit floats in all layers; by default colours are 16-bit floats, but for layers that
+    /// are brighter than 65504 somewhere.
+    #[arg(long)]
+    pub float: bool,
     /// Write an 8-bit sRGB picture too.
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png|.jpg")]
     pub preview: Option<PathBuf>,
     /// Exposure of the preview, in stops.
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]

@@ -20,11 +20,12 @@ use std::process::ExitCode;
 
 /// Parses the arguments and runs the command: 0 done, 1 failed, 2 wrong usage, 130 cancelled.
 pub fn main() -> ExitCode {
+    terminal::survive_size_limits();
     match run(Arguments::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Error::Cancelled) => ExitCode::from(130),
         Err(error) => {
-            eprintln!("lumicache: {error}");
+            terminal::tell(&error.to_string());
             ExitCode::FAILURE
         }
     }

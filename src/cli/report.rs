@@ -8,6 +8,7 @@ use lumicache::accel::Backend;
 use lumicache::bench::experiment::{self, Plan, variant};
 use lumicache::bench::report;
 use lumicache::error::{Error, Result};
+use lumicache::fsutil;
 use lumicache::import;
 use lumicache::progress::Progress;
 use lumicache::render::Job;
@@ -17,6 +18,7 @@ use lumicache::scene::Scene;
 const ROWS: u32 = 180;
 
 pub fn run(arguments: &Report) -> Result<()> {
+    fsutil::remember_what_is_read();
     let plan = plan(arguments)?;
     let size = arguments.size.as_deref().map(parse_size).transpose()?;
     std::fs::create_dir_all(&arguments.output).map_err(Error::io(&arguments.output))?;
@@ -36,6 +38,9 @@ fn compare(
         data.environment = Some(map);
         data.warnings.extend(warnings);
     }
+    // Now the files are known that the scene refers to.
+    let outputs = experiment::FILES.map(|name| arguments.output.join(name));
+    outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
     let (scene, warnings) = Scene::new(data, Backend::default())?;
     warnings.iter().filter(|_| !arguments.quiet).for_each(|warning| warn(warning));
     let scene = scene.with_tables(tables());

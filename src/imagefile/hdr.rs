@@ -3,6 +3,7 @@
 use super::exr;
 use super::picture::{Channel, Picture, SampleKind};
 use crate::error::{Error, Result};
+use crate::fsutil;
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 use std::collections::BTreeSet;
@@ -23,7 +24,8 @@ const RATIO: u64 = 64;
 /// (its `R`, `G`, `B` or `Y` channels, else those of the first layer that has all three). Negative
 /// values, which filters ring into such pictures, become 0.
 ///
-/// A Radiance file's `EXPOSURE` is not applied, as in most renderers.
+/// Pixels of a Radiance file are divided by the product of its `EXPOSURE` lines and, channel by
+/// channel, by that of its `COLORCORR` lines: radiance in the scene's units.
 ///
 /// What is no finite number becomes the mean of the numbers beside it, or 0 without any; the number
 /// of such pixels is returned too.
@@ -33,7 +35,7 @@ const RATIO: u64 = 64;
 /// # Errors
 /// [`Error::Io`]; [`Error::Unsupported`] for other formats; [`Error::Image`] for damaged files.
 pub fn read_environment(path: &Path, most: Option<u64>) -> Result<(Picture, usize)> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     let length = bytes.len() as u64;
     let most = most.unwrap_or(BASE.saturating_add(length.saturating_mul(RATIO)));
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
@@ -65,6 +67,12 @@ fn decode_radiance(bytes: &[u8], most: u64) -> std::result::Result<Picture, Stri
             bytes.len()
         ));
     }
+    let header = decoder.metadata();
+    let (r, g, b) = header.color_correction.unwrap_or((1.0, 1.0, 1.0));
+    let factors = [r, g, b].map(|c| c * header.exposure.unwrap_or(1.0));
+    if let Some(bad) = factors.iter().find(|f| !f.is_normal() || **f < 0.0) {
+        return Err(format!("its EXPOSURE and COLORCORR lines multiply to {bad}"));
+    }
     // Samples, planes and colours.
     if pixels * 36 > most {
         return Err(format!(
@@ -73,7 +81,8 @@ fn decode_radiance(bytes: &[u8], most: u64) -> std::result::Result<Picture, Stri
     }
     let mut samples = vec![0f32; pixels as usize * 3];
     decoder.read_image(bytemuck::cast_slice_mut(&mut samples)).map_err(broken)?;
-    let planes = [0, 1, 2].map(|c| samples.iter().skip(c).step_by(3).copied().collect());
+    let planes =
+        [0, 1, 2].map(|c| samples.iter().skip(c).step_by(3).map(|x| x / factors[c]).collect());
     Ok(rgb([width, height], planes))
 }
 
@@ -151,6 +160,23 @@ mod tests {
         let image = read_environment(&path, None).unwrap().0;
         assert_eq!((image.width, image.height), (2, 1));
         assert_eq!(image.colors("").unwrap(), [Color::new(1.0, 0.5, 0.25), Color::ZERO]);
+    }
+
+    #[test]
+    fn exposure_and_colour_correction_are_divided_out() {
+        let of = |lines: &str| {
+            let head = format!("#?RADIANCE\n{lines}FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n");
+            let (_dir, path) = saved("a.hdr", &[head.as_bytes(), &[128, 128, 128, 129]].concat());
+            read_environment(&path, None).map(|(image, _)| image.colors("").unwrap()[0])
+        };
+        assert_eq!(of("").unwrap(), Color::ONE);
+        assert_eq!(of("EXPOSURE=2.0\n").unwrap(), Color::splat(0.5));
+        assert_eq!(of("EXPOSURE=2\nEXPOSURE=4\n").unwrap(), Color::splat(0.125));
+        let lines = "COLORCORR=1 2 4\nEXPOSURE=0.5\nCOLORCORR=1 1 2\n";
+        assert_eq!(of(lines).unwrap(), Color::new(2.0, 1.0, 0.25));
+        for bad in ["EXPOSURE=0\n", "EXPOSURE=-1\n", "EXPOSURE=inf\n", "COLORCORR=1 0 1\n"] {
+            assert!(of(bad).unwrap_err().to_string().contains("EXPOSURE"), "{bad}");
+        }
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Pictures of 8 and 16 bits: textures in, previews out.
 
+use super::picture::check_extension;
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::math::Color;
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
@@ -150,13 +152,19 @@ fn essential(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(kept)
 }
 
-/// Writes `rgb8`, three bytes per pixel row by row from the top, as a PNG through a temporary file
-/// and a rename.
+/// The names that [`write`] takes; a name without an extension is that of a PNG.
+pub const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", ""];
+/// Of a JPEG, in percent.
+const QUALITY: u8 = 95;
+
+/// Writes `rgb8`, three bytes per pixel row by row from the top, through a temporary file and a
+/// rename. The file is a JPEG where the name says so, else a PNG.
 ///
 /// # Errors
-/// [`Error::Image`] when the length of `rgb8` does not fit, [`Error::Io`] when the file cannot be
-/// written; both name it.
-pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
+/// [`Error::Image`] when the length of `rgb8` does not fit or a JPEG cannot be that large,
+/// [`Error::Unsupported`] for other names than [`EXTENSIONS`], [`Error::Io`] when the file cannot
+/// be written; all name it.
+pub fn write(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
     let needed = u64::from(width) * u64::from(height) * 3;
     if needed == 0 || needed != rgb8.len() as u64 {
         return Err(Error::image(
@@ -164,10 +172,14 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()
             format!("{} bytes for {width} x {height} pixels", rgb8.len()),
         ));
     }
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(rgb8, width, height, ExtendedColorType::Rgb8)
-        .map_err(|e| Error::image(path, e.to_string()))?;
+    let extension = check_extension(path, &EXTENSIONS)?;
+    let (mut bytes, kind) = (Vec::new(), ExtendedColorType::Rgb8);
+    if extension.starts_with('j') {
+        JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(rgb8, width, height, kind)
+    } else {
+        PngEncoder::new(&mut bytes).write_image(rgb8, width, height, kind)
+    }
+    .map_err(|e| Error::image(path, e.to_string()))?;
     write_atomically(path, &bytes)
 }
 
@@ -327,14 +339,38 @@ mod tests {
     }
 
     #[test]
+    fn the_name_says_png_or_jpeg() {
+        let dir = tempfile::tempdir().unwrap();
+        let gray = [90; 3 * 16 * 16];
+        for (name, format) in [
+            ("a.jpg", ImageFormat::Jpeg),
+            ("a.JPEG", ImageFormat::Jpeg),
+            ("a.PNG", ImageFormat::Png),
+            ("a", ImageFormat::Png),
+        ] {
+            let path = dir.path().join(name);
+            write(&path, 16, 16, &gray).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            assert_eq!(image::guess_format(&bytes).unwrap(), format, "{name}");
+            let TexturePixels::Rgba8(pixels) = decode(&bytes).unwrap().pixels else {
+                panic!("{name} has 16 bits")
+            };
+            assert!(pixels.iter().all(|p| p[..3].iter().all(|b| b.abs_diff(90) <= 1)), "{name}");
+        }
+        let error = write(&dir.path().join("a.tif"), 16, 16, &gray).unwrap_err().to_string();
+        assert!(error.contains("a.tif") && error.contains(".jpg"), "{error}");
+        assert!(write(&dir.path().join("a.jpg"), 65536, 1, &[0; 3 * 65536]).is_err());
+    }
+
+    #[test]
     fn a_png_reads_back() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        write_png(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
+        write(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
         assert_eq!(
             decode(&std::fs::read(&path).unwrap()).unwrap().pixels,
             TexturePixels::Rgba8(vec![[1, 2, 3, 255], [4, 5, 6, 255]])
         );
-        assert!(write_png(&path, 2, 2, &[0; 6]).unwrap_err().to_string().contains("a.png"));
+        assert!(write(&path, 2, 2, &[0; 6]).unwrap_err().to_string().contains("a.png"));
     }
 }

@@ -5,6 +5,7 @@ use super::budget::Budget;
 use super::camera::CameraKind;
 use super::document::Document;
 use super::fault::{self, Fault, Parsed};
+use super::flat::{flattened, is_flat};
 use super::ies::Luminaire;
 use super::light::Light;
 use super::mesh::{self, Mesh, Primitive, Recipe};
@@ -52,6 +53,9 @@ struct Standing {
     placed: Placed,
     to_world: DAffine3,
 }
+
+/// Most bytes of a vertex: position, normal, tangent, two texture coordinates, colour.
+const FLAT_VERTEX: u64 = 72;
 
 /// Fills a scene, whose materials are there already, with what the nodes under `roots` show.
 pub(super) struct Assembly<'p, 'a> {
@@ -133,7 +137,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             cameras.into_iter().map(|(_, camera, motion)| (camera, motion)).unzip();
         if self.singular > 0 {
             let what = format!(
-                "{} instances are left out because their scale or their transform is singular",
+                "{} instances are left out because their transform leaves a line or a point of them",
                 self.singular
             );
             self.warnings.push(what);
@@ -288,22 +292,34 @@ impl<'p, 'a> Assembly<'p, 'a> {
     }
 
     fn stand(&mut self, Standing { node, placed, to_world }: Standing) -> Parsed<()> {
-        let to_world = Affine3A::from_mat3_translation(
-            to_world.matrix3.as_mat3(),
-            (to_world.translation - self.scene.origin).as_vec3(),
-        );
+        let path = node::path(node);
+        let exact = DAffine3::from_translation(-self.scene.origin) * to_world;
+        let to_world =
+            Affine3A::from_mat3_translation(exact.matrix3.as_mat3(), exact.translation.as_vec3());
         let Aabb { min, max } = placed.bounds;
         let reach = Vec3::max(min.abs(), max.abs());
         let far = to_world.matrix3.x_axis.abs() * reach.x
             + to_world.matrix3.y_axis.abs() * reach.y
             + to_world.matrix3.z_axis.abs() * reach.z;
         if !(far + to_world.translation.abs()).is_finite() {
-            return Err(Fault::new(node::path(node), "its mesh leaves the range of numbers"));
+            return Err(Fault::new(path, "its mesh leaves the range of numbers"));
         }
-        if to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite() {
+        let regular = to_world.matrix3.determinant().is_normal() && to_world.inverse().is_finite();
+        if regular && !is_flat(&exact) {
             self.scene.geometry.instances.push(Instance { mesh: placed.mesh, to_world });
-        } else {
+            return Ok(());
+        }
+        let geometry = &mut self.scene.geometry;
+        let mesh = &geometry.meshes[placed.mesh as usize];
+        self.budget.spend(mesh.positions.len() as u64, FLAT_VERTEX, &path)?;
+        self.budget.spend(mesh.indices.len() as u64, size_of::<[u32; 3]>() as u64, &path)?;
+        let mesh = flattened(mesh, &exact);
+        if mesh.indices.is_empty() {
             self.singular += 1;
+        } else {
+            let to_world = Affine3A::IDENTITY;
+            geometry.instances.push(Instance { mesh: geometry.meshes.len() as u32, to_world });
+            geometry.meshes.push(Arc::new(mesh));
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use super::document::Document;
 use super::fault::{Fault, Parsed};
 use super::ies::{Luminaire, Profiles};
 use super::warnings::Warnings;
-use crate::light::PunctualLight;
+use crate::light::{PunctualLight, versine};
 use crate::math::{Color, Vec3};
 use glam::{DAffine3, DVec3};
 use gltf::json::extensions::scene::khr_lights_punctual as json;
@@ -15,8 +15,8 @@ use gltf::json::validation::Checked;
 enum Kind {
     Point,
     Spot {
-        cos_inner: f32,
-        cos_outer: f32,
+        inner: f32,
+        outer: f32,
     },
     Directional,
     /// The `extras` name an IES file.
@@ -83,7 +83,7 @@ fn spot(json: &json::Spot, path: &str, warnings: &mut Warnings) -> Parsed<Kind> 
     if outer <= 0.0 {
         return Err(Fault::new(format!("{path}/spot/outerConeAngle"), "must be greater than 0"));
     }
-    Ok(Kind::Spot { cos_inner: inner.cos(), cos_outer: outer.cos() })
+    Ok(Kind::Spot { inner: versine(inner), outer: versine(outer) })
 }
 
 impl Light {
@@ -96,13 +96,13 @@ impl Light {
         Some(match *kind {
             Kind::Ies(ref luminaire) => return luminaire.placed(to_world, range),
             Kind::Point => PunctualLight::Point { position, intensity, range },
-            Kind::Spot { cos_inner, cos_outer } => PunctualLight::Spot {
+            Kind::Spot { inner, outer } => PunctualLight::Spot {
                 position,
                 direction: direction?,
                 intensity,
                 range,
-                cos_inner,
-                cos_outer,
+                inner,
+                outer,
             },
             Kind::Directional => {
                 PunctualLight::Directional { direction: direction?, irradiance: intensity }

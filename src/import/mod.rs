@@ -11,8 +11,8 @@
 //!
 //! Skinned meshes stand in their rest pose, morph targets have their default weights; of animations
 //! only those that move cameras are read. Points and lines are left out with a warning, and so
-//! are triangles without area and instances whose transform is singular. Meshes that several nodes
-//! show are stored once.
+//! are triangles without area and instances whose transform leaves a line or a point of them.
+//! Meshes that several nodes show are stored once, flattened ones once for each node.
 //!
 //! # How strict it is
 //!
@@ -77,6 +77,7 @@ mod warnings;
 mod schema;
 mod tangents;
 mod topology;
+mod flat;
 mod value;
 mod budget;
 mod check;
@@ -108,6 +109,7 @@ pub use ies::ies;
 
 use crate::accel::Backend;
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::{Scene, SceneData};
 use accessor::Accessors;
@@ -118,7 +120,6 @@ use document::Document;
 use fault::Parsed;
 use ies::Profiles;
 use node::Graph;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use texture::Textures;
@@ -194,7 +195,7 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
     if !metadata.is_file() {
         return Err(Error::scene(path, "", "it is not a regular file"));
     }
-    let mut file = File::open(path).map_err(Error::io(path))?;
+    let mut file = fsutil::open(path)?;
     let mut head = Vec::new();
     file.by_ref().take(container::HEAD).read_to_end(&mut head).map_err(Error::io(path))?;
     if let Some(what) = container::foreign(&head, path) {

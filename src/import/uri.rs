@@ -145,7 +145,7 @@ pub(super) fn read(path: &Path, at: &str, limit: u64, budget: &mut Budget) -> Pa
     let limit = limit.min(metadata.len());
     budget.read(limit, at)?;
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(|e| fault(e.to_string()))?;
+    let file = crate::fsutil::open(path).map_err(|e| Fault::new(at, format!("cannot read {e}")))?;
     file.take(limit).read_to_end(&mut bytes).map_err(|e| fault(e.to_string()))?;
     Ok(bytes)
 }

@@ -1,9 +1,12 @@
 //! The immutable world that rays are traced in.
 
 mod origin;
+mod emitters;
 mod world;
+mod shadows;
 
 pub use origin::{Part, center, middle};
+pub use shadows::{are_parallel, same_direction};
 pub use world::{Scene, gap};
 
 use crate::camera::{Camera, Motion};

@@ -10,6 +10,7 @@ mod hit_change;
 mod outgoing;
 mod points;
 mod cached;
+mod caustics;
 mod probe;
 mod reflector;
 mod stored_hits;
@@ -17,12 +18,13 @@ mod world;
 
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
+pub use caustics::glass_bends_light;
 pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
 pub use path::{PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use vertex::Origin;
+pub use vertex::{Aim, Origin};
 pub use world::{AppearanceOf, SceneWorld};
 
 use crate::accel::Ray;

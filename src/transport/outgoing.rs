@@ -1,7 +1,7 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
 use super::path::{PathTracer, Sampled, Start};
-use super::vertex::Vertex;
+use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;
@@ -63,7 +63,7 @@ impl PathTracer<'_> {
             if sample.lobe == Lobe::Delta {
                 continue;
             }
-            let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.origin() };
+            let start = Start { bounces: 0, aim: Aim::new(sample.pdf, vertex.origin(), next.dir) };
             let light = self.incoming(
                 &next,
                 &start,

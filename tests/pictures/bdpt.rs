@@ -132,8 +132,8 @@ fn punctual_lights_and_luminaires_are_the_path_tracer_s() {
             direction: Vec3::new(0.6, -0.8, 0.0),
             intensity: Color::splat(6.0),
             range: f32::INFINITY,
-            cos_inner: 0.9,
-            cos_outer: 0.7,
+            inner: 0.1,
+            outer: 0.3,
         },
         PunctualLight::Ies {
             position: Vec3::new(0.0, 0.9, 0.3),
@@ -202,8 +202,8 @@ fn mirror_and_wall() -> SceneData {
         direction: Vec3::new(1.0, -1.0, 0.0).normalize(),
         intensity: Color::splat(10.0),
         range: f32::INFINITY,
-        cos_inner: 0.985,
-        cos_outer: 0.98,
+        inner: 0.015,
+        outer: 0.02,
     }];
     data
 }

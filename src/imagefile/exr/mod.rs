@@ -19,6 +19,9 @@ use crate::fsutil::write_atomically_with;
 use prepared::Prepared;
 use std::path::Path;
 
+/// The names of outputs; a name without an extension is that of an OpenEXR file, too.
+pub const EXTENSIONS: [&str; 2] = ["exr", ""];
+
 /// The programs that can write a file. Their files hold the same pixels and attributes in different
 /// bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

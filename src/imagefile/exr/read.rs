@@ -1,6 +1,7 @@
 //! Reading, through the `exr` crate.
 
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::imagefile::picture::{Attribute, Channel, Crop, Picture, SampleKind};
 use ::exr::image::{AnyChannels, FlatImage, FlatSamples, Layer};
 use ::exr::meta::MetaData;
@@ -32,7 +33,7 @@ const MAX_RATIO_DWA: u64 = 1 << 16;
 /// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or
 /// subsampled data, parts of different windows, or a size that the file's length cannot hold.
 pub fn read(path: &Path) -> Result<Picture> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     read_bytes(&bytes).map_err(|what| Error::image(path, what))
 }
 

@@ -57,8 +57,8 @@ fn scene() -> Scene {
             direction: Vec3::NEG_Y,
             intensity: Color::splat(3.0),
             range: f32::INFINITY,
-            cos_inner: 0.9,
-            cos_outer: 0.5,
+            inner: 0.1,
+            outer: 0.5,
         },
         PunctualLight::Directional {
             direction: Vec3::new(0.0, -0.6, -0.8),
