@@ -94,6 +94,7 @@ mod cases {
 
 /// What no input and no weather may break.
 mod weather {
+    mod extremes; // valid scenes with extreme numbers
     mod inputs; // files that ask for memory, work or other files
     mod outputs; // disks, devices, signals
     mod soak; // a process that does not grow

@@ -173,7 +173,7 @@ impl<'a> Reader<'_, 'a> {
         let chunk = self.document.container.bin.ok_or_else(|| Fault::new("/buffers/0", missing))?;
         if chunk.len() as u64 > declared.saturating_add(3) {
             let what = "the GLB's binary chunk is longer than /buffers/0 declares";
-            self.warnings.push(what.to_owned());
+            self.warnings.push(what);
         }
         Ok(Data::Chunk(chunk))
     }

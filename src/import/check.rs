@@ -9,6 +9,7 @@
 
 use super::fault::{Fault, Parsed, quote};
 use super::schema::{self, Field, Kind, Need, Unknown};
+use super::value::{described, numbered};
 use super::warnings::Warnings;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
@@ -419,25 +420,6 @@ impl Checker<'_> {
             _ => schema::BRDF,
         };
         self.value(&brdf, value)
-    }
-}
-
-/// The prefix and the number of an attribute of which there may be several. The crate would take
-/// JOINTS_01 for JOINTS_1.
-fn numbered<'p>(key: &str, prefix: &'p str) -> Option<(&'p str, u32)> {
-    let digits = key.strip_prefix(prefix)?;
-    let number: u32 = digits.parse().ok()?;
-    (number.to_string() == digits).then_some((prefix, number))
-}
-
-fn described(value: &Value) -> &'static str {
-    match value {
-        Value::Null => "null",
-        Value::Bool(_) => "a boolean",
-        Value::Number(_) => "a number",
-        Value::String(_) => "a string",
-        Value::Array(_) => "an array",
-        Value::Object(_) => "an object",
     }
 }
 

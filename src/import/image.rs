@@ -17,8 +17,8 @@ use std::sync::Arc;
 /// The longest image file that is read.
 const LONGEST_IMAGE: u64 = 1 << 30;
 
-/// Checks all images of the document, and decodes those that are `wanted`; `None` for one that
-/// cannot be shown, which is mended by leaving it out.
+/// Checks all images of the document, and decodes those that are `wanted`, or all where the caller
+/// is strict; `None` for one that cannot be shown, which is mended by leaving it out.
 pub(super) fn images(
     document: &Document, buffers: &Buffers, wanted: &BTreeSet<usize>, budget: &mut Budget,
     warnings: &mut Warnings,
@@ -28,16 +28,29 @@ pub(super) fn images(
             let what = "must have either a uri or a bufferView, and not both";
             return Err(Fault::new(format!("/images/{i}"), what));
         }
+        let Some(view) = json.buffer_view else { continue };
+        if json.mime_type.is_none() {
+            warnings.mend(&format!("/images/{i}"), "the property \"mimeType\" is missing")?;
+        }
+        if buffers.views[view.value()].stride().is_some() {
+            let what = "a view of image data should not have a byteStride";
+            warnings.mend(&format!("/images/{i}/bufferView"), what)?;
+        }
     }
+    let unshown = (0..document.root().images.len())
+        .filter(|i| warnings.is_strict() && !wanted.contains(i))
+        .collect::<Vec<_>>();
     let mut finder = Finder { document, buffers, budget, warnings, seen: HashMap::new() };
     let (mut encoded, mut repeats, mut images) = (Vec::new(), Vec::new(), BTreeMap::new());
-    for &i in wanted {
+    for &i in wanted.iter().chain(&unshown) {
         match finder.find(i, &document.root().images[i]) {
             Ok(Encoded::Here(bytes)) => {
                 finder.budget.spend(ldr::memory(&bytes), 1, &format!("/images/{i}"))?;
                 encoded.push((i, bytes));
             }
             Ok(Encoded::Again(first)) => repeats.push((i, first)),
+            // The specification does not say what else there may be.
+            Err(fault) if fault.why == Why::Unsupported && !wanted.contains(&i) => {}
             Err(fault) => drop(images.insert(i, finder.replaced(fault)?)),
         }
     }
@@ -99,7 +112,7 @@ struct Finder<'f> {
 impl<'f> Finder<'f> {
     /// Leaves out an image because of `fault`, if that is harmless.
     fn replaced(&mut self, fault: Fault) -> Parsed<Option<Arc<TextureImage>>> {
-        if matches!(fault.why, Why::Forbidden | Why::Memory) {
+        if self.warnings.is_strict() || matches!(fault.why, Why::Forbidden | Why::Memory) {
             return Err(fault);
         }
         let what = "the image cannot be shown, so factors stand alone where materials show it";
@@ -110,7 +123,10 @@ impl<'f> Finder<'f> {
     fn find(&mut self, index: usize, json: &json::Image) -> Parsed<Encoded<'f>> {
         let path = format!("/images/{index}");
         let mut declared = json.mime_type.as_ref().map(|kind| kind.0.clone());
-        let at = format!("{path}/mimeType");
+        let at = match json.mime_type {
+            Some(_) => format!("{path}/mimeType"),
+            None => format!("{path}/uri"),
+        };
         let (source, bytes) = match (&json.uri, json.buffer_view.map(|view| view.value())) {
             (Some(uri), _) => {
                 match uri::resolve(uri, &format!("{path}/uri"), &self.document.folder)? {
@@ -136,13 +152,6 @@ impl<'f> Finder<'f> {
             }
             (None, view) => {
                 let view = view.unwrap_or_default();
-                if declared.is_none() {
-                    self.warnings.mend(&path, "the property \"mimeType\" is missing")?;
-                }
-                if self.buffers.views[view].stride().is_some() {
-                    let what = "a view of image data should not have a byteStride";
-                    self.warnings.mend(&format!("{path}/bufferView"), what)?;
-                }
                 let bytes =
                     self.buffers.bytes(view).map_err(|why| Fault::new(path.as_str(), why))?;
                 (Source::View(view), Cow::Borrowed(bytes))
@@ -153,7 +162,7 @@ impl<'f> Finder<'f> {
                 Source::File(file) => format!("{} ", quote(&file.to_string_lossy())),
                 _ => String::new(),
             };
-            Fault::new(path.as_str(), format!("{name}is no PNG, JPEG or WebP image"))
+            Fault::unsupported(path.as_str(), format!("{name}is no PNG, JPEG or WebP image"))
         })?;
         if let Some(declared) = declared.filter(|declared| declared != actual) {
             let what = format!("declared as {}, and is {actual}", quote(&declared));

@@ -17,12 +17,14 @@
 //! # How strict it is
 //!
 //! The whole document is checked, also what no scene shows: references, ranges, buffer views,
-//! accessors and their numbers, images. What breaks the specification is an error with its JSON
-//! path. Only where files in circulation break it and no harm comes of it is there a warning
-//! instead: normals and quaternions of the wrong length, declared bounds wider than the data, an
-//! emissiveFactor above 1, unknown names in enumerations, references of textures that no material
-//! uses. Memory is bounded by the size of the files: an accessor of a billion elements in a file of
-//! a hundred bytes is refused before anything is allocated.
+//! accessors and their numbers. What leaves the meaning open or is not safe is an error with its
+//! JSON path. What does no harm is mended with a warning, and is an error too where
+//! [`ImportOptions::strict`] says so; docs/guide/gltf.md has the table. Images that no shown
+//! material reads are not opened.
+//!
+//! Memory is bounded by the size of the files or by [`ImportOptions::memory_limit`], before it is
+//! allocated. Files outside the scene's folder are not read unless [`ImportOptions::allow_outside`]
+//! says so.
 //!
 //! # Native materials
 //!
@@ -88,14 +90,14 @@ mod extensions;
 mod document;
 mod buffers;
 mod camera;
-mod node;
 mod accessor;
 mod ies;
 mod image;
 mod accessor_check;
-mod animation;
 mod light;
 mod mesh;
+mod node;
+mod animation;
 mod texture;
 mod material;
 mod skin;

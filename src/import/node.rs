@@ -269,7 +269,7 @@ pub(super) fn scene_roots(
         Some(i) => Ok(scenes[i].nodes.iter().map(|node| node.value()).collect()),
         None => {
             if !graph.nodes.is_empty() {
-                warnings.push("the file has no scene; all its nodes are shown".to_owned());
+                warnings.push("the file has no scene; all its nodes are shown");
             }
             Ok(graph.roots())
         }

@@ -20,6 +20,11 @@ impl Warnings {
         Self { strict, ..Self::default() }
     }
 
+    /// What could be mended is an error.
+    pub fn is_strict(&self) -> bool {
+        self.strict
+    }
+
     /// The file is sound, and not everything of it is shown.
     pub fn push(&mut self, text: impl AsRef<str>) {
         let text = text.as_ref();

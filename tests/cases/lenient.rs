@@ -128,7 +128,7 @@ fn images_that_cannot_be_shown_leave_their_factors() {
     }
     let declared = mended(
         &showing(json!({"uri": PIXEL.replace("png", "jpeg")}), &[]),
-        "/images/0/mimeType: declared as \"image/jpeg\", and is image/png",
+        "/images/0/uri: declared as \"image/jpeg\", and is image/png",
     );
     assert_eq!(declared.textures.len(), 1);
 }

@@ -1,5 +1,6 @@
-//! The rules of the glTF validator, one by one: what makes the meaning of a file ambiguous or unsafe
-//! is an error, what does not is mended with a warning, and both are errors of the strict import.
+//! The rules of the glTF validator, one by one: what makes the meaning of a file ambiguous or
+//! unsafe is an error, what does not is mended with a warning, and both are errors of the strict
+//! import.
 
 use crate::import::malformed::everything;
 use crate::support::gltf_maker::Gltf;
