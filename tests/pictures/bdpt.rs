@@ -85,6 +85,30 @@ fn gloss_glass_and_caustics_are_the_path_tracer_s() {
     assert_alike("leaves", &build(own("alpha-leaves")), [16, 6], |_| ());
 }
 
+/// Those scenes of `scenes/` that the tests above do not have.
+#[test]
+fn every_scene_is_the_path_tracer_s() {
+    for name in [
+        "cornell-box-phong",
+        "curved-spheres",
+        "glossy-walk",
+        "ies-hall",
+        "indirect-room",
+        "many-light-hall",
+        "metal-hall",
+        "phong-pot",
+        "pyramid-metal",
+        "slit-light",
+        "staircase",
+        "staircase-room",
+        "two-glossy-planes",
+        "two-rooms-gap",
+        "ward-floor",
+    ] {
+        assert_alike(name, &build(own(name)), [12, 6], |_| ());
+    }
+}
+
 #[test]
 fn absorbing_glass_is_the_path_tracer_s() {
     // A solid of rough green glass around a diffuse core, under a sky.
