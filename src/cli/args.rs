@@ -362,8 +362,8 @@ pub struct Render {
     /// Layers beside the beauty: none, basic, all, or names.
     #[arg(long, value_name = "LIST", default_value = "basic")]
     pub aov: String,
-    /// Write 32-bit floats in all layers; by default colours are 16-bit floats, but for layers that
-    /// are brighter than 65504 somewhere.
+    /// Write 32-bit floats in all layers; by default colours are 16-bit floats, but for layers
+    /// that are brighter than 65504 somewhere.
     #[arg(long)]
     pub float: bool,
     /// Write an 8-bit sRGB picture too.

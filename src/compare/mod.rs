@@ -48,9 +48,9 @@ pub struct Report {
     pub mean_ratio: Option<f64>,
     /// The same for each of R, G and B.
     pub mean_ratio_rgb: [Option<f64>; 3],
-    /// Stops by which both pictures were exposed for PSNR and FLIP: 0 unless the median luminance of
-    /// the reference is below 0.005 or above 4, as in photometric units, and then what takes it to
-    /// 0.18.
+    /// Stops by which both pictures were exposed for PSNR and FLIP: 0 unless the median luminance
+    /// of the reference is below 0.005 or above 4, as in photometric units, and then what
+    /// takes it to 0.18.
     pub exposure: f32,
     /// Decibels between the pictures as a display shows them (clamped, sRGB), relative to its
     /// white; none if they are equal.
@@ -101,8 +101,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Writes the FLIP differences to the PNG or JPEG file `path`, black for none to pale yellow for
-    /// 1.
+    /// Writes the FLIP differences to the PNG or JPEG file `path`, black for none to pale yellow
+    /// for 1.
     ///
     /// # Errors
     /// [`Error::Io`] naming `path`.

@@ -99,8 +99,8 @@ impl Lights {
         }
     }
 
-    /// The lights with the knowledge of how emission is spread over triangles, given by instance and
-    /// triangle. Those that do not emit are ignored.
+    /// The lights with the knowledge of how emission is spread over triangles, given by instance
+    /// and triangle. Those that do not emit are ignored.
     #[must_use]
     pub fn with_patterns(
         mut self, patterns: impl IntoIterator<Item = (u32, u32, Pattern)>,

@@ -272,8 +272,8 @@ impl<'a> Job<'a> {
         self
     }
 
-    /// Writes all layers as 32-bit floats. By default colours and normals are halves, but for layers
-    /// with values above 65504.
+    /// Writes all layers as 32-bit floats. By default colours and normals are halves, but for
+    /// layers with values above 65504.
     pub fn float(mut self, float: bool) -> Self {
         self.output.float = float;
         self

@@ -110,7 +110,8 @@ mod tests {
             sum += f64::from(film.mean_luminance());
         }
         let mean = sum / f64::from(films);
-        // The deviation is at most 100 √(0.01 / (16 · 256 · 4000)), 0.25 %: a false alarm in 15 000.
+        // The deviation is at most 100 √(0.01 / (16 · 256 · 4000)), 0.25 %: a false alarm in 15
+        // 000.
         assert!((mean - 1.0).abs() < 0.01, "{mean}");
     }
 

@@ -3,8 +3,8 @@
 //! A file begins with 8 bytes of magic, the version of the layout (u32), a mark of the byte order
 //! (u32) and the length of the header (u64); then come the header, which is JSON, the columns that
 //! it lists, one after the other, and a BLAKE3 hash of everything before it. Numbers are
-//! little-endian. Columns that a reader does not know are skipped. Lengths are stored as the gathers
-//! gave them, before neighbours clamped them, so that files can be joined.
+//! little-endian. Columns that a reader does not know are skipped. Lengths are stored as the
+//! gathers gave them, before neighbours clamped them, so that files can be joined.
 
 use super::cache::Cache;
 use super::columns::{self, Heading};

@@ -388,8 +388,9 @@ impl<'a> Pipeline<'a> {
             self.raw.write_fn = None;
             check(raw::exr_encoding_run(context, part, &mut *self.raw))?;
         }
-        // A reader takes a chunk as long as the raw one for raw, so only what deflating made smaller
-        // goes into the file deflated. The C core alone (3.1.5) writes it at equal length, too.
+        // A reader takes a chunk as long as the raw one for raw, so only what deflating made
+        // smaller goes into the file deflated. The C core alone (3.1.5) writes it at equal
+        // length, too.
         let (start, length) = match (self.raw.compressed_bytes, self.raw.packed_bytes) {
             (deflated, packed) if deflated < packed as usize => {
                 (self.raw.compressed_buffer, deflated)
