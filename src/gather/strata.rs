@@ -1,7 +1,7 @@
 //! Stratified directions over the hemisphere with known neighbours.
 
 use crate::math::{INV_PI, Vec2, Vec3};
-use crate::sampling::{Rng, square_to_disk};
+use crate::sampling::{Rng, disk_to_square, square_to_disk};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
@@ -95,6 +95,25 @@ impl Layout {
             Self::Polar { n, .. } | Self::Concentric { n } => n as usize,
         };
         (k / n, k % n)
+    }
+
+    /// The sample in whose stratum the local direction `w` lies.
+    pub(super) fn at(self, density: Density, w: Vec3) -> usize {
+        // The place on the disk that the square goes to first.
+        let squared = w.truncate().length_squared().min(1.0);
+        let t = if density == Density::Cosine { squared } else { 1.0 - w.z };
+        let place = |x: f32, n: u32| ((x * n as f32) as u32).min(n - 1) as usize;
+        match self {
+            Self::Polar { m, n } => {
+                let turn = (w.y.atan2(w.x) / TAU).rem_euclid(1.0);
+                place(t, m) * n as usize + place(turn, n)
+            }
+            Self::Concentric { n } => {
+                let disk = w.truncate() * (t / squared.max(f32::MIN_POSITIVE)).sqrt();
+                let square = disk_to_square(disk);
+                place(square.y, n) * n as usize + place(square.x, n)
+            }
+        }
     }
 
     /// Fills one jittered direction per stratum, and its density per steradian.
