@@ -103,7 +103,8 @@ impl HemisphereSamples {
                 }
             }
         }
-        for (cell, (_, k)) in brightest.into_iter().enumerate().filter(|(_, (light, _))| *light > 0.0)
+        for (cell, (_, k)) in
+            brightest.into_iter().enumerate().filter(|(_, (light, _))| *light > 0.0)
         {
             if luminance(b.found[cell]) > luminance(b.radiance[cell]) {
                 b.dir_local[cell] = b.dir_local[k];
@@ -115,8 +116,8 @@ impl HemisphereSamples {
             b.radiance[cell] += b.found[cell];
         }
         let mean = groups.iter().sum::<f32>() / GROUPS as f32;
-        b.found_variance = groups.iter().map(|g| (g - mean).powi(2)).sum::<f32>()
-            * GROUPS as f32 / (GROUPS - 1) as f32;
+        b.found_variance = groups.iter().map(|g| (g - mean).powi(2)).sum::<f32>() * GROUPS as f32
+            / (GROUPS - 1) as f32;
         b.truncate(n);
     }
 

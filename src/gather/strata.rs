@@ -152,3 +152,23 @@ impl Layout {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_lie_in_their_own_strata() {
+        for layout in [Layout::Polar { m: 13, n: 40 }, Layout::Concentric { n: 23 }] {
+            for density in [Density::Cosine, Density::Uniform] {
+                let (mut directions, mut pdf) = (Vec::new(), Vec::new());
+                layout.directions(density, 5, &mut directions, &mut pdf);
+                let strays = (directions.iter().enumerate())
+                    .filter(|(k, w)| layout.at(density, **w) != *k)
+                    .count();
+                // Those on the borders may fall to either side.
+                assert!(strays <= layout.rays() / 100, "{layout:?} {density:?}: {strays}");
+            }
+        }
+    }
+}

@@ -20,6 +20,11 @@ const FEWEST: usize = 8;
 const APART: f32 = 2.0;
 /// A ball reaches so far beyond the hits that were found.
 const MARGIN: f32 = 1.05;
+/// Around each cluster some rays go to a ball so many times wider, for faint edges that no light
+/// path found are still far brighter than all else ...
+const HALO: f32 = 3.0;
+/// ... as if the cluster reflected this share of its light from there.
+const HALO_SHARE: f32 = 0.2;
 /// Points from which the clusters are looked at.
 const VIEWPOINTS: usize = 64;
 /// Rays of a gather for which noise is reckoned.
@@ -54,10 +59,8 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
         let from = &points[(words % points.len() as u64) as usize];
         let offset = vertex.position - from.position;
         let faces = offset.dot(from.ng) > 0.0 && offset.dot(vertex.ng) < 0.0;
-        (flux > 0.0
-            && faces
-            && !tracer.scene.occluded(&tracer.scene.between(from, &vertex), words))
-        .then_some(Lit { position: vertex.position, normal: vertex.ng, flux })
+        (flux > 0.0 && faces && !tracer.scene.occluded(&tracer.scene.between(from, &vertex), words))
+            .then_some(Lit { position: vertex.position, normal: vertex.ng, flux })
     };
     let mut found: Vec<Lit> = Vec::new();
     for first in (0..MOST).step_by(BATCH as usize) {
@@ -72,6 +75,11 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
     order.sort_by(|&a, &b| needed[b].total_cmp(&needed[a]));
     order.truncate(PATCHES);
     patches = order.into_iter().map(|k| patches[k]).collect();
+    patches.extend(patches.clone().into_iter().map(|p| Patch {
+        radius: HALO * p.radius,
+        flux: HALO_SHARE * p.flux,
+        ..p
+    }));
     Bright { patches }
 }
 

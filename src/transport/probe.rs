@@ -87,7 +87,8 @@ impl RadianceProbe for SceneProbe<'_> {
         let light_paths =
             joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
 
-        let bright = self.bright.get().filter(|b| !b.patches.is_empty() && bundle.towards_bright > 0);
+        let bright =
+            self.bright.get().filter(|b| !b.patches.is_empty() && bundle.towards_bright > 0);
         let cones = bright.and_then(|b| b.seen_from(from.position, Some(from.ng)));
         let aimed = cones.as_ref().map(|cones| Aimed::new(cones, from, bundle));
 
