@@ -92,7 +92,7 @@ impl Stage<'_> {
         } else {
             None
         };
-        let cache = Cache::new(scheme.clone(), settings.max_bounces, scene.size());
+        let cache = Cache::new(scheme.clone(), settings.max_bounces);
         let mut caches = Caches::with(cache, lobes.clone());
         let points: Vec<ShadingPoint> = pixels
             .iter()

@@ -15,8 +15,8 @@ mod store;
 mod fill;
 
 pub use fill::{
-    Appearances, FillPlan, FillReport, FillStats, LevelPoints, ShadingPoint, Towards, World,
-    scattered,
+    Appearances, FillPlan, FillReport, FillStats, LevelPoints, ShadingPoint, Towards, VIEWED,
+    World, extent, scattered,
 };
 pub use payload::{
     Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lobes, Payload,

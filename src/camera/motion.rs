@@ -47,6 +47,18 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// The same movement, moved by `by`.
+    #[must_use]
+    pub fn shifted(&self, by: DVec3) -> Self {
+        let root = Joint {
+            rest: (by, DQuat::IDENTITY, DVec3::ONE),
+            translation: None,
+            rotation: None,
+            scale: None,
+        };
+        Self { joints: std::iter::once(root).chain(self.joints.iter().cloned()).collect() }
+    }
+
     /// Camera to world after `seconds`, without scale; `None` where the nodes leave the camera no
     /// direction to look in. Before the first and after the last keyframe everything stands still.
     pub fn at(&self, seconds: f64) -> Option<Affine3A> {

@@ -1,13 +1,14 @@
 //! Caches: what they are made by, and work on the device's threads.
 
-use super::abi::{lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
+use super::abi::{Input, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
 use super::device::pool;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
 use super::scene::{SceneKind, SceneObject};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
-use crate::cache::{Cache, Live, Preset, Scheme, settings};
+use crate::cache::{self, Cache, Live, Preset, Scheme, VIEWED, settings};
+use crate::ffi::mxcsr::as_caller;
 use crate::gather::RadianceProbe;
 use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
@@ -21,10 +22,6 @@ use std::time::Instant;
 
 /// Points of each deeper level, unless the setting `deeper_points` says otherwise.
 const DEEPER_POINTS: u32 = 16_384;
-/// Width of a pixel where the host gives none, as a fraction of the scene's diagonal.
-const FOOTPRINT: f32 = 0.002;
-/// Footprint of points that the camera does not see, as a fraction of the scene's diagonal.
-const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// What a cache is made by.
 #[derive(Clone)]
@@ -102,14 +99,16 @@ impl CacheObject {
         }
     }
 
-    /// Diagonal of the scene.
-    pub fn size(&self) -> Outcome<f32> {
-        Ok(self.scene.committed()?.size())
-    }
-
-    /// Width of a pixel where the host gives none.
-    pub fn default_footprint(&self) -> Outcome<f32> {
-        Ok(FOOTPRINT * self.size()?)
+    /// Width of a pixel at the points of a query, of which one has `positions`, where the host
+    /// gives none.
+    pub fn default_footprint(&self, positions: &Input<f32, 3>) -> Outcome<f32> {
+        let mut extent = self.live.read(|s| s.cache().extent());
+        if extent == 0.0 {
+            let whole = self.scene.committed()?.size();
+            let seen = cache::extent(positions.len(), |i| positions.vector(i));
+            extent = seen.unwrap_or(whole);
+        }
+        Ok(VIEWED * extent)
     }
 
     /// Puts another cache in the place of this one's records, with the lobes that it answers for.
@@ -121,7 +120,7 @@ impl CacheObject {
     /// An empty cache under the settings.
     pub fn empty(&self) -> Outcome<Cache> {
         let settings = self.settings();
-        Ok(Cache::new(settings.scheme, settings.max_bounces, self.size()?))
+        Ok(Cache::new(settings.scheme, settings.max_bounces))
     }
 
     fn set(&self, name: &str, value: &str) -> Outcome {
@@ -148,9 +147,7 @@ impl CacheObject {
     pub fn host_probe<'a>(
         &self, host: &'a Host, exchange: &'a Exchange, progress: &'a Progress,
     ) -> Outcome<HostProbe<'a>> {
-        let (max_bounces, footprint) =
-            (self.settings().max_bounces, DEEPER_FOOTPRINT * self.size()?);
-        Ok(HostProbe { host, exchange, max_bounces, footprint, progress })
+        Ok(HostProbe { host, exchange, max_bounces: self.settings().max_bounces, progress })
     }
 
     /// Runs `work` on other threads. Meanwhile this thread calls the host's tracer, if the host
@@ -188,9 +185,9 @@ impl CacheObject {
         let phase = CString::new(snapshot.phase.name()).unwrap_or_default();
         // SAFETY: the host has given a function of this type and a pointer for it; the text lives
         // during the call. No lock is held.
-        let stop = unsafe {
+        let stop = as_caller(|| unsafe {
             callback(std::ptr::with_exposed_provenance_mut(user), fraction, phase.as_ptr())
-        };
+        });
         if stop != 0 {
             progress.cancel();
         }
@@ -248,7 +245,8 @@ pub unsafe extern "C" fn lumi_cache_new(
         let scene = borrow::<SceneObject>(scene)?.arc();
         let preset = if preset.is_null() { "auto" } else { text(preset, "preset")? };
         let scheme = Preset::from_name_or_text(preset)?.scheme();
-        let live = Live::new(Cache::new(scheme.clone(), u32::MAX, scene.committed()?.size()));
+        scene.committed()?;
+        let live = Live::new(Cache::new(scheme.clone(), u32::MAX));
         let (max_bounces, deeper_points) = (u32::MAX, DEEPER_POINTS);
         let settings = Settings { scheme, quality: 1.0, max_bounces, seed: 0, deeper_points };
         let object = CacheObject {

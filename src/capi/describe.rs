@@ -32,7 +32,8 @@ fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
     finite(v, what)?.try_normalize().ok_or_else(|| Fault::argument(format!("{what} is zero")))
 }
 
-fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
+/// `value`, which must lie between `low` and `high`.
+pub(super) fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
     let inside = (low..=high).contains(&value);
     ensure!(inside, "{what} is {value}, expected {low} to {high}");
     Ok(value)
@@ -273,8 +274,8 @@ pub(super) fn light(desc: &lumi_light_desc) -> Outcome<PunctualLight> {
                 direction: direction()?,
                 intensity,
                 range,
-                cos_inner,
-                cos_outer,
+                inner: 1.0 - cos_inner,
+                outer: 1.0 - cos_outer,
             }
         }
         LUMI_LIGHT_DIRECTIONAL => {

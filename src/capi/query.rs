@@ -14,6 +14,7 @@ use crate::math::{Color, Vec3};
 use crate::progress::Progress;
 use crate::sampling::{hash, stream};
 use crate::transport::PathTracer;
+use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -31,17 +32,21 @@ pub(super) struct Points {
     wo: Option<Input<f32, 3>>,
     footprint: Option<Input<f32, 1>>,
     default_footprint: f32,
+    /// Where the zero of the scene's coordinates lies in the world.
+    zero: DVec3,
 }
 
 impl Points {
     pub fn new(q: &lumi_query, cache: &CacheObject) -> Outcome<Self> {
+        let position = Input::required(q.position, q.n, q.position_stride, "position")?;
         Ok(Self {
-            position: Input::required(q.position, q.n, q.position_stride, "position")?,
+            default_footprint: cache.default_footprint(&position)?,
+            position,
             normal: Input::required(q.normal, q.n, q.normal_stride, "normal")?,
             geo_normal: Input::new(q.geo_normal, q.n, q.geo_normal_stride, "geo_normal")?,
             wo: Input::new(q.wo, q.n, q.wo_stride, "wo")?,
             footprint: Input::new(q.footprint, q.n, 0, "footprint")?,
-            default_footprint: cache.default_footprint()?,
+            zero: cache.scene.committed()?.origin(),
         })
     }
 
@@ -67,7 +72,7 @@ impl Points {
             self.default_footprint
         };
         Some(surface_point(
-            position,
+            (position.as_dvec3() - self.zero).as_vec3(),
             n,
             unit(&self.geo_normal).unwrap_or(n),
             unit(&self.wo).unwrap_or(n),

@@ -13,12 +13,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 impl CacheObject {
     fn origin(&self) -> Outcome<Origin> {
         let (settings, committed) = (self.settings(), self.scene.committed()?);
-        Ok(Origin::new(
-            committed.hashes.clone(),
-            &settings.scheme,
-            settings.max_bounces,
-            committed.size(),
-        ))
+        let (hashes, zero) = (committed.hashes.clone(), committed.origin());
+        Ok(Origin::new(hashes, &settings.scheme, settings.max_bounces, zero))
     }
 
     fn save(&self, path: &Path) -> Outcome {
@@ -175,7 +171,7 @@ pub unsafe extern "C" fn lumi_cache_get_records(
     guard("lumi_cache_get_records", || {
         let cache = borrow::<CacheObject>(cache)?;
         ensure!(!n.is_null(), "n is NULL");
-        let snapshot = cache.live.snapshot();
+        let (snapshot, committed) = (cache.live.snapshot(), cache.scene.committed()?);
         let mut count = 0;
         if out.is_null() {
             count = snapshot.record_count();
@@ -183,7 +179,7 @@ pub unsafe extern "C" fn lumi_cache_get_records(
             for (level, r) in snapshot.records().skip(first).take(max) {
                 let radius = snapshot.cache().radius_rule(level).radius(r.length, r.footprint).0;
                 let record = lumi_record {
-                    position: r.position.to_array(),
+                    position: committed.to_world(r.position).to_array(),
                     normal: r.normal.to_array(),
                     irradiance: r.payload.irradiance.to_array(),
                     radius,

@@ -3,7 +3,7 @@
 use super::abi::{
     Input, LUMI_VIEW_SHARED, Output, copy_text, lumi_device, lumi_host_desc, lumi_light_desc,
     lumi_material_desc, lumi_mesh_desc, lumi_scene, lumi_scene_info, lumi_scene_s,
-    lumi_texture_desc, lumi_trace_desc, path, read, write,
+    lumi_texture_desc, lumi_trace_desc, read, write,
 };
 use super::describe;
 use super::device::DeviceObject;
@@ -13,9 +13,9 @@ use super::status::{Fault, Outcome, Touched, ensure, guard, guard_void, lock, lu
 use crate::accel::Ray;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::hosted::Host;
-use crate::import::{self, ImportOptions};
 use crate::math::{Affine3A, Vec3};
 use crate::scene::{Scene, SceneData};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
@@ -45,6 +45,19 @@ impl Committed {
         }
     }
 
+    /// Where the zero of the scene's coordinates lies in the world.
+    pub fn origin(&self) -> DVec3 {
+        match &self.kind {
+            SceneKind::Own(scene) => scene.origin(),
+            SceneKind::Host(_) => DVec3::ZERO,
+        }
+    }
+
+    /// A position of the scene in the world.
+    pub fn to_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() + self.origin()).as_vec3()
+    }
+
     /// The host, if it keeps the scene.
     pub fn host(&self) -> Option<&Host> {
         match &self.kind {
@@ -66,9 +79,9 @@ unsafe impl Send for Described {}
 
 /// A scene while it is described.
 #[derive(Default)]
-struct Draft {
+pub(super) struct Draft {
     /// What a file brought, and materials, textures and lights.
-    data: SceneData,
+    pub data: SceneData,
     meshes: Vec<Described>,
     /// Mesh and placement.
     instances: Vec<(u32, Affine3A)>,
@@ -77,7 +90,7 @@ struct Draft {
 
 impl Draft {
     /// True without meshes, materials and textures.
-    fn is_bare(&self) -> bool {
+    pub fn is_bare(&self) -> bool {
         self.meshes.is_empty()
             && self.data.geometry.meshes.is_empty()
             && self.data.materials.is_empty()
@@ -118,7 +131,7 @@ impl SceneObject {
     }
 
     /// The draft of a scene of our own.
-    fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
+    pub fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
         let draft = lock(&self.draft);
         let open = self.committed.get().is_none();
         state(open, "the scene is committed: it cannot change any more")?;
@@ -163,10 +176,16 @@ fn build(draft: &mut Draft, device: &DeviceObject) -> Outcome<Committed> {
         numbers.push(first..first + parts.len() as u32);
         data.geometry.meshes.extend(parts.into_iter().map(Arc::new));
     }
+    let of_file = !data.geometry.instances.is_empty();
     for (mesh, to_world) in &draft.instances {
-        data.geometry.instances.extend(
-            numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world: *to_world }),
-        );
+        let mut to_world = *to_world;
+        to_world.translation = (to_world.translation.as_dvec3() - data.origin).as_vec3a();
+        data.geometry
+            .instances
+            .extend(numbers[*mesh as usize].clone().map(|mesh| Instance { mesh, to_world }));
+    }
+    if !of_file {
+        data.recenter();
     }
     let (scene, warnings) = Scene::new(data, device.backend)?;
     let (hashes, hash) = (scene.hashes().clone(), scene.hash());
@@ -203,29 +222,6 @@ pub unsafe extern "C" fn lumi_scene_retain(scene: lumi_scene) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
     guard_void("lumi_scene_release", || release::<SceneObject>(scene));
-}
-
-/// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty.
-///
-/// `file`: the path, UTF-8.
-///
-/// Threads: one per scene.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_load_gltf(
-    scene: lumi_scene, file: *const c_char,
-) -> lumi_error {
-    guard("lumi_scene_load_gltf", || {
-        let (scene, file) = (borrow::<SceneObject>(scene)?, path(file)?);
-        let mut draft = scene.draft()?;
-        state(draft.is_bare(), "the scene is not empty: read the file before anything else")?;
-        let device = &scene.device;
-        let read = || import::gltf(file, &ImportOptions::default());
-        let mut data = device.pool.install(read)?;
-        data.punctual.append(&mut draft.data.punctual);
-        data.environment = draft.data.environment.take().or(data.environment);
-        draft.data = data;
-        Ok(())
-    })
 }
 
 /// Changes the draft of a scene that is not committed.
@@ -350,7 +346,9 @@ pub unsafe extern "C" fn lumi_scene_add_light(
 ) -> lumi_error {
     guard("lumi_scene_add_light", || {
         change(scene, |draft| {
-            draft.data.punctual.push(describe::light(&read(light, "the light")?)?);
+            let mut light = describe::light(&read(light, "the light")?)?;
+            light.shift(-draft.data.origin);
+            draft.data.punctual.push(light);
             Ok(())
         })
     })
@@ -430,8 +428,8 @@ pub unsafe extern "C" fn lumi_scene_get_info(
         let value = lumi_scene_info {
             struct_size: 0,
             reserved: 0,
-            bounds_min: committed.bounds.min.to_array(),
-            bounds_max: committed.bounds.max.to_array(),
+            bounds_min: committed.to_world(committed.bounds.min).to_array(),
+            bounds_max: committed.to_world(committed.bounds.max).to_array(),
             triangles: triangles as u64,
             cameras: cameras as u64,
             hash: c_text(&committed.hash),
@@ -462,12 +460,13 @@ pub unsafe extern "C" fn lumi_scene_trace(
         for i in 0..n {
             let dir = dirs.vector(i);
             let length = dir.length();
-            let ray = Ray::new(origins.vector(i), dir / length);
+            let ray = Ray::new(scene.from_world(origins.vector(i)), dir / length);
             let mut hit = (f32::INFINITY, [Vec3::ZERO; 4]);
             if let Some((mut point, t)) = scene.intersect(&ray, 0) {
                 let bsdf = scene.shade(&mut point);
                 let color = bsdf.diffuse_albedo(point.frame.to_local(point.wo));
-                hit = (t / length, [point.position, point.frame.n, point.ng, color]);
+                hit =
+                    (t / length, [scene.to_world(point.position), point.frame.n, point.ng, color]);
             }
             let (t, [at, n, ng, color]) = hit;
             distance.set(i, [t]);

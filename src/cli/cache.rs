@@ -2,6 +2,7 @@
 
 use super::args::{CacheCommand, CacheMerge, DumpFormat};
 use super::terminal::{print, print_line};
+use glam::DVec3;
 use lumicache::cache::{CacheFile, Irradiance, Record};
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;
@@ -35,7 +36,7 @@ fn info(path: &Path, as_json: bool) -> Result<()> {
     for (part, hash) in &origin.scene {
         text += &format!("  {part:<12} {hash}\n");
     }
-    text += &format!("  scene size   {}\n", origin.scene_size);
+    text += &format!("  extent       {}\n", file.extent);
     text += &format!(
         "  max bounces  {}\n",
         origin.max_bounces.map_or("unlimited".to_owned(), |n| n.to_string())
@@ -60,10 +61,10 @@ fn merge(arguments: &CacheMerge) -> Result<()> {
 }
 
 /// The record as JSON, its fields in the order of the table.
-fn row(level: usize, r: &Record<Irradiance>) -> Value {
+fn row(level: usize, position: DVec3, r: &Record<Irradiance>) -> Value {
     json!({
         "level": level,
-        "position": r.position.to_array(),
+        "position": position.to_array(),
         "normal": r.normal.to_array(),
         "irradiance": r.payload.irradiance.to_array(),
         "length": r.length_unclamped,
@@ -84,16 +85,17 @@ fn dump(path: &Path, format: DumpFormat) -> Result<()> {
     let text = match format {
         DumpFormat::Json => format!(
             "{:#}\n",
-            Value::from(records().map(|(level, r)| row(level, r)).collect::<Vec<_>>())
+            Value::from(
+                records().map(|(level, r)| row(level, file.position(r), r)).collect::<Vec<_>>()
+            )
         ),
         DumpFormat::Csv => {
             let mut text = "level,x,y,z,nx,ny,nz,r,g,b,length,footprint,sigma,fences\n".to_owned();
             for (level, r) in records() {
-                let vectors: Vec<f32> = [r.position, r.normal, r.payload.irradiance]
-                    .iter()
-                    .flat_map(|v| v.to_array())
-                    .collect();
-                let vectors: Vec<String> = vectors.iter().map(f32::to_string).collect();
+                let position = file.position(r).to_array().map(|x| x.to_string());
+                let vectors = [r.normal, r.payload.irradiance];
+                let vectors = vectors.iter().flat_map(|v| v.to_array()).map(|x| x.to_string());
+                let vectors: Vec<String> = position.into_iter().chain(vectors).collect();
                 let fences = r.fences.planes().len();
                 text += &format!(
                     "{level},{},{},{},{},{fences}\n",
@@ -105,21 +107,25 @@ fn dump(path: &Path, format: DumpFormat) -> Result<()> {
             }
             text
         }
-        DumpFormat::Ply => ply(records().map(|(_, r)| r), file.record_count()),
+        DumpFormat::Ply => ply(&file),
     };
     print(text.as_bytes())
 }
 
 /// Colours are irradiances over the largest one, through a square root.
-fn ply<'a>(records: impl Iterator<Item = &'a Record<Irradiance>> + Clone, count: usize) -> String {
+fn ply(file: &CacheFile) -> String {
+    let (records, count) = (file.levels.iter().flatten(), file.record_count());
     let largest = records.clone().map(|r| r.payload.irradiance.max_element()).fold(1e-30, f32::max);
     let mut text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
-    for name in ["x", "y", "z", "nx", "ny", "nz"] {
-        text += &format!("property float {name}\n");
+    for (name, kind) in ["x", "y", "z", "nx", "ny", "nz"]
+        .into_iter()
+        .zip(["double", "double", "double", "float", "float", "float"])
+    {
+        text += &format!("property {kind} {name}\n");
     }
     text += "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float length\nend_header\n";
     for r in records {
-        let (p, n) = (r.position, r.normal);
+        let (p, n) = (file.position(r), r.normal);
         let [red, green, blue] = r
             .payload
             .irradiance

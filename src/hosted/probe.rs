@@ -20,8 +20,6 @@ pub struct HostProbe<'a> {
     pub exchange: &'a Exchange,
     /// Most surface interactions after the camera hit.
     pub max_bounces: u32,
-    /// Footprint of points that the camera does not see.
-    pub footprint: f32,
     /// Cancelled when the host fails.
     pub progress: &'a Progress,
 }
@@ -85,7 +83,7 @@ impl HostProbe<'_> {
         let distance = answers.distance[i];
         let error = MAP_ROUNDING * (p.origin.abs().max_element() + distance);
         let position = p.origin + distance * p.dir;
-        SurfacePoint { error, ..surface_point(position, n, n, -p.dir, self.footprint) }
+        SurfacePoint { error, ..surface_point(position, n, n, -p.dir, 0.0) }
     }
 
     /// The points with a diffuse lobe that cosine-distributed rays from `points` meet: `count`

@@ -1,6 +1,7 @@
 //! Light as it leaves its sources: the start of light paths, drawn in proportion to power.
 
 use super::lights::Lights;
+use super::pattern::Pattern;
 use super::source::{LightSource, PunctualLight, weight};
 use super::tree::Pick;
 use crate::geometry::Aabb;
@@ -148,7 +149,15 @@ impl<'a> EmissionSampler<'a> {
         let emission = match self.items[item] {
             Item::Triangle(i) => {
                 let light = &self.lights.tree().triangles()[i];
-                let ([u, v], position) = light.point(place);
+                let pattern = self.lights.pattern(i);
+                let ([u, v], position) = match pattern {
+                    None => light.point(place),
+                    Some(pattern) => match pattern.draw(place) {
+                        Some(weights) => (weights, light.position(weights)),
+                        None => light.point(Pattern::rest(place)),
+                    },
+                };
+                let density = probability * pattern.map_or(1.0, |p| p.mixed_density([u, v]));
                 let emitter = light.emitter();
                 // With two faces the first half of the turn chooses the front.
                 let (x, faces) =
@@ -166,8 +175,8 @@ impl<'a> EmissionSampler<'a> {
                     origin: position,
                     direction: Frame::from_normal(normal).to_world(local),
                     emitted: emitter.radiance,
-                    measure: PI * faces * light.area() / probability,
-                    end_density: probability / light.area(),
+                    measure: PI * faces * light.area() / density,
+                    end_density: density / light.area(),
                     ray_density: local.z * INV_PI / faces,
                 }
             }
@@ -256,7 +265,12 @@ impl<'a> EmissionSampler<'a> {
             LightSource::Triangle { instance, triangle, .. } => {
                 let Some(index) = self.lights.emitter_index(instance, triangle) else { return 0.0 };
                 debug_assert!(index < self.points);
-                self.probability(index) / self.lights.tree().triangles()[index].area()
+                let light = &self.lights.tree().triangles()[index];
+                let density = self
+                    .lights
+                    .pattern(index)
+                    .map_or(1.0, |p| p.mixed_density(light.weights(end.position)));
+                self.probability(index) * density / light.area()
             }
             LightSource::Environment => match (self.lights.distant(), self.items.last()) {
                 (Some(environment), Some(Item::Environment)) => {

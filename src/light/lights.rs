@@ -2,10 +2,11 @@
 
 use super::distant::Distant;
 use super::environment::Environment;
+use super::pattern::Pattern;
 use super::punctual::PunctualIncidence;
 use super::simd::LANES;
 use super::source::{Emitter, EnvironmentMap, LightSample, LightSource, PunctualLight, weight};
-use super::tree::{Comb, LEAF, LightTree, Pick, Share};
+use super::tree::{Comb, LightTree, Pick, Share};
 use super::triangle::{TriangleLight, View};
 use crate::geometry::{Aabb, Geometry};
 use crate::math::{Color, PI, Vec2, Vec3};
@@ -39,6 +40,8 @@ pub struct Lights {
     /// For each instance, the index of each triangle among the tree's triangles or `NONE`; empty
     /// for an instance that does not emit.
     emitters: Vec<Vec<u32>>,
+    /// For each of the tree's triangles, how its emission varies; empty where none does.
+    patterns: Vec<Option<Pattern>>,
     /// Boxes around all emissive triangles, at most `BOXES`.
     boxes: Vec<Aabb>,
     power: Color,
@@ -89,10 +92,31 @@ impl Lights {
             power: finite_power + (fluence + parallel) * (PI * radius * radius),
             infinite_share: share,
             boxes: boxes(tree.triangles()),
+            patterns: Vec::new(),
             tree,
             environment,
             directional,
         }
+    }
+
+    /// The lights with the knowledge of how emission is spread over triangles, given by instance and
+    /// triangle. Those that do not emit are ignored.
+    #[must_use]
+    pub fn with_patterns(
+        mut self, patterns: impl IntoIterator<Item = (u32, u32, Pattern)>,
+    ) -> Self {
+        for (instance, triangle, pattern) in patterns {
+            if let Some(index) = self.emitter_index(instance, triangle) {
+                self.patterns.resize(self.tree.triangles().len(), None);
+                self.patterns[index] = Some(pattern);
+            }
+        }
+        self
+    }
+
+    /// How the emission of one of the tree's triangles varies.
+    pub(super) fn pattern(&self, index: usize) -> Option<&Pattern> {
+        self.patterns.get(index)?.as_ref()
     }
 
     /// True if nothing emits.
@@ -106,6 +130,11 @@ impl Lights {
     /// True if light comes from all directions at infinity.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
+    }
+
+    /// True if there are discs such as the sun's in the environment.
+    pub fn has_discs(&self) -> bool {
+        self.environment.as_ref().is_some_and(Distant::has_discs)
     }
 
     /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever
@@ -130,14 +159,9 @@ impl Lights {
         (index != NONE).then_some(index as usize)
     }
 
-    /// All emissive triangles if there are at most 16, so that a closed form over all of them is
-    /// affordable.
-    pub fn few_emitters(&self) -> Option<&[TriangleLight]> {
-        Some(self.tree.triangles()).filter(|t| t.len() <= LEAF)
-    }
-
-    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each with
-    /// its mean radiance, without occlusion. Takes time in proportion to their number.
+    /// Irradiance at `p` on a surface with unit normal `n` from all emissive triangles, each taken
+    /// to emit its mean radiance all over, without occlusion. Takes time in proportion to their
+    /// number.
     pub fn unoccluded_irradiance(&self, p: Vec3, n: Vec3) -> Color {
         self.tree.triangles().iter().map(|t| t.emitter().radiance * t.irradiance(p, n)).sum()
     }
@@ -198,7 +222,8 @@ impl Lights {
         if below_horizon(n, wi) {
             return 0.0;
         }
-        let density = self.tree.triangles()[index].pdf(p, distance);
+        let triangle = &self.tree.triangles()[index];
+        let density = triangle.pdf(p, wi, distance, self.pattern(index));
         if density <= 0.0 {
             return 0.0;
         }
@@ -277,7 +302,11 @@ impl Lights {
         let kind = match light {
             Light::Environment => PreparedKind::Environment(self.environment.as_ref()?),
             Light::Finite(Pick::Triangle(index)) => {
-                PreparedKind::Triangle(self.tree.triangles()[index].view(p)?)
+                let view = self.tree.triangles()[index].view(p)?;
+                match self.pattern(index) {
+                    None => PreparedKind::Triangle(view),
+                    Some(pattern) => PreparedKind::Patterned(view, pattern),
+                }
             }
             Light::Finite(Pick::Punctual(index)) => {
                 let (index, light) = self.tree.punctual(index);
@@ -316,6 +345,7 @@ struct Prepared<'a> {
 enum PreparedKind<'a> {
     Environment(&'a Distant),
     Triangle(View<'a>),
+    Patterned(View<'a>, &'a Pattern),
     Punctual(u32, PunctualIncidence),
 }
 
@@ -367,6 +397,14 @@ impl Prepared<'_> {
                             LightSource::Triangle { instance, triangle, u, v },
                         );
                     }
+                }
+            }
+            PreparedKind::Patterned(view, pattern) => {
+                let &Emitter { instance, triangle, radiance, .. } = view.light.emitter();
+                for point in (0..count).filter_map(|i| view.sample_pattern(pattern, u(i))) {
+                    let [u, v] = point.barycentric;
+                    let source = LightSource::Triangle { instance, triangle, u, v };
+                    emit(point.wi, point.distance, radiance, point.pdf, source);
                 }
             }
             PreparedKind::Punctual(index, incidence) => {

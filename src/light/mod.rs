@@ -10,6 +10,7 @@ mod environment;
 mod distant;
 mod punctual;
 mod sky;
+mod pattern;
 mod triangle;
 mod lanes;
 mod tree;
@@ -19,9 +20,10 @@ mod emission;
 pub use emission::{Emission, EmissionSampler, LightEnd};
 pub use ies::{IesFault, IesProfile, Photometry};
 pub use lights::Lights;
+pub use pattern::Pattern;
 pub use polygon::polygon_irradiance;
 pub use sky::{Sky, SkyKind, SunKind};
 pub use source::{
-    Emitter, EnvironmentMap, LUMINOUS_EFFICACY, LightSample, LightSource, PunctualLight,
+    Emitter, EnvironmentMap, LUMINOUS_EFFICACY, LightSample, LightSource, PunctualLight, versine,
 };
 pub use triangle::TriangleLight;

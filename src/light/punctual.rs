@@ -65,11 +65,18 @@ impl PunctualLight {
     pub(super) fn intensity(&self, towards: Vec3) -> Color {
         match *self {
             Self::Point { intensity, .. } => intensity,
-            // The recommended falloff: the square of a ramp from the outer to the inner cone, with
-            // a floor against equal angles.
-            Self::Spot { direction, intensity, cos_inner, cos_outer, .. } => {
-                let ramp = (towards.dot(direction) - cos_outer) / (cos_inner - cos_outer).max(1e-3);
-                intensity * ramp.clamp(0.0, 1.0).powi(2)
+            // The recommended falloff: the square of a ramp from the outer to the inner cone. Its
+            // floor of 1e-3 against equal angles would darken all of a narrow cone; such cones have
+            // a sharp edge instead.
+            Self::Spot { direction, intensity, inner, outer, .. } => {
+                let off_axis = versine_between(towards, direction);
+                if off_axis <= inner {
+                    intensity
+                } else if off_axis < outer {
+                    intensity * ((outer - off_axis) / (outer - inner)).powi(2)
+                } else {
+                    Color::ZERO
+                }
             }
             Self::Ies { from_world, scale, ref profile, .. } => {
                 scale * profile.intensity(from_world * towards)
@@ -81,15 +88,15 @@ impl PunctualLight {
     /// A direction in which a light with a position shines, drawn uniformly over the sphere or the
     /// cone, or by a luminaire's intensity.
     pub(super) fn sample_direction(&self, u: Vec2) -> Option<Vec3> {
-        let cone = |axis: Vec3, cos_outer: f32| {
-            let cos = 1.0 - u.y * (1.0 - cos_outer);
-            let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let cone = |axis: Vec3, outer: f32| {
+            let versine = u.y * outer;
+            let sin = (versine * (2.0 - versine)).max(0.0).sqrt();
             let (s, c) = (2.0 * PI * u.x).sin_cos();
-            Frame::from_normal(axis).to_world(Vec3::new(sin * c, sin * s, cos))
+            Frame::from_normal(axis).to_world(Vec3::new(sin * c, sin * s, 1.0 - versine))
         };
         match *self {
-            Self::Point { .. } => Some(cone(Vec3::Z, -1.0)),
-            Self::Spot { direction, cos_outer, .. } => Some(cone(direction, cos_outer)),
+            Self::Point { .. } => Some(cone(Vec3::Z, 2.0)),
+            Self::Spot { direction, outer, .. } => Some(cone(direction, outer)),
             Self::Ies { from_world, ref profile, .. } => {
                 profile.sample(u).map(|d| from_world.transpose() * d)
             }
@@ -101,8 +108,8 @@ impl PunctualLight {
     pub(super) fn direction_density(&self, towards: Vec3) -> f32 {
         match *self {
             Self::Point { .. } => 0.25 * INV_PI,
-            Self::Spot { direction, cos_outer, .. } if towards.dot(direction) >= cos_outer => {
-                0.5 * INV_PI / (1.0 - cos_outer)
+            Self::Spot { direction, outer, .. } if versine_between(towards, direction) <= outer => {
+                0.5 * INV_PI / outer
             }
             Self::Ies { from_world, ref profile, .. } => profile.pdf(from_world * towards),
             Self::Spot { .. } | Self::Directional { .. } | Self::Disc { .. } => 0.0,
@@ -141,17 +148,21 @@ impl PunctualLight {
             Self::Point { .. } | Self::Ies { .. } => 4.0 * PI,
             // The integral of the falloff over the cone: all of the inner cone and a third of the
             // ring.
-            Self::Spot { cos_inner, cos_outer, .. } => {
-                2.0 * PI * (1.0 - cos_inner + (cos_inner - cos_outer).max(0.0) / 3.0)
-            }
+            Self::Spot { inner, outer, .. } => 2.0 * PI * (inner + (outer - inner).max(0.0) / 3.0),
             Self::Directional { .. } | Self::Disc { .. } => 1.0,
         };
         self.strength() * solid_angle
     }
 }
 
+/// `1 - cos` of the angle between unit vectors, which the dot product loses where they nearly agree.
+fn versine_between(a: Vec3, b: Vec3) -> f32 {
+    0.5 * (a - b).length_squared()
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::versine;
     use super::*;
 
     fn spot(cos_inner: f32, cos_outer: f32) -> PunctualLight {
@@ -160,8 +171,8 @@ mod tests {
             direction: -Vec3::Y,
             intensity: Vec3::splat(8.0),
             range: f32::INFINITY,
-            cos_inner,
-            cos_outer,
+            inner: 1.0 - cos_inner,
+            outer: 1.0 - cos_outer,
         }
     }
 
@@ -191,6 +202,44 @@ mod tests {
             light.incidence(p).map_or(0.0, |i| i.irradiance.x / 8.0)
         };
         assert!((at(0.95) - 1.0).abs() < 1e-5 && (at(0.8) - 0.25).abs() < 1e-5 && at(0.69) == 0.0);
+    }
+
+    /// From 0.1 degrees to nearly a hemisphere: full intensity on the axis and at the edge of the
+    /// inner cone, a quarter where the ramp is at one half, nothing outside; light paths carry the
+    /// power that the closed form says.
+    #[test]
+    fn spot_lights_of_any_width_have_their_intensity_and_their_power() {
+        for degrees in [0.1_f32, 0.3, 1.0, 5.0, 30.0, 89.0] {
+            let (outer, inner) =
+                (versine(0.5 * degrees.to_radians()), versine(0.4 * degrees.to_radians()));
+            let axis = Vec3::new(0.48, -0.8, 0.36);
+            let light = PunctualLight::Spot {
+                position: Vec3::new(3.0, 2.0, 1.0),
+                direction: axis,
+                intensity: Vec3::splat(8.0),
+                range: f32::INFINITY,
+                inner,
+                outer,
+            };
+            let frame = Frame::from_normal(axis);
+            let at = |versine: f32| {
+                let local = Vec3::new((versine * (2.0 - versine)).sqrt(), 0.0, 1.0 - versine);
+                light.intensity(frame.to_world(local)).x / 8.0
+            };
+            assert_eq!((at(0.0), at(0.98 * inner), at(1.02 * outer)), (1.0, 1.0, 0.0), "{degrees}");
+            assert!((at(0.5 * (inner + outer)) - 0.25).abs() < 0.01, "{degrees}");
+
+            let side = 64;
+            let sum: f64 = (0..side * side)
+                .map(|i| {
+                    let u = (Vec2::new((i % side) as f32, (i / side) as f32) + 0.5) / side as f32;
+                    let direction = light.sample_direction(u).unwrap();
+                    f64::from(light.intensity(direction).x / light.direction_density(direction))
+                })
+                .sum();
+            let mean = (sum / f64::from(side * side)) as f32;
+            assert!((mean / light.power().x - 1.0).abs() < 2e-3, "{degrees}: {mean}");
+        }
     }
 
     #[test]

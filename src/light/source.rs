@@ -2,6 +2,7 @@
 
 use super::ies::IesProfile;
 use crate::math::{Affine3A, Color, Mat3, Vec3};
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Lumens per watt of monochromatic light of 555 nm: takes photometric numbers to radiometric ones.
@@ -69,6 +70,11 @@ pub(super) fn weight(color: Color) -> f32 {
     if mean.is_finite() { mean.max(0.0) } else { 0.0 }
 }
 
+/// `1 - cos angle` of an angle in radians. Unlike the cosine it tells narrow cones apart.
+pub fn versine(angle: f32) -> f32 {
+    2.0 * (0.5 * angle).sin().powi(2)
+}
+
 /// A light that is no part of the geometry (KHR_lights_punctual, EXT_lights_ies, the sun), already
 /// in world space and in the numbers that the scene file has.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,10 +98,10 @@ pub enum PunctualLight {
         intensity: Color,
         /// Distance at which the light is cut off, infinite by default.
         range: f32,
-        /// Cosine of the inner half angle, where the fall-off begins.
-        cos_inner: f32,
-        /// Cosine of the outer half angle, where it ends.
-        cos_outer: f32,
+        /// [`versine`] of the inner half angle, where the fall-off begins.
+        inner: f32,
+        /// [`versine`] of the outer half angle, where it ends.
+        outer: f32,
     },
     /// A luminaire: a point whose intensity over direction was measured.
     Ies {
@@ -128,6 +134,18 @@ pub enum PunctualLight {
         /// Angular radius in radians, above 0 and below π/2.
         radius: f32,
     },
+}
+
+impl PunctualLight {
+    /// Moves the light, if it has a place.
+    pub fn shift(&mut self, by: DVec3) {
+        match self {
+            Self::Point { position, .. }
+            | Self::Spot { position, .. }
+            | Self::Ies { position, .. } => *position = (position.as_dvec3() + by).as_vec3(),
+            Self::Directional { .. } | Self::Disc { .. } => {}
+        }
+    }
 }
 
 /// An equirectangular environment: radiance from infinity. Row 0 is the zenith (+Y); with no

@@ -14,7 +14,7 @@ use std::f32::consts::PI;
 use std::ops::Range;
 
 /// Most lights of a leaf.
-pub(super) const LEAF: usize = 16;
+const LEAF: usize = 16;
 /// Candidate planes per axis are the borders of this many bins.
 const BINS: usize = 12;
 /// From this depth on groups are halved by number, which bounds the depth of any tree by the 32
@@ -380,8 +380,8 @@ fn punctual_bounds(light: &PunctualLight) -> LightBounds {
             (position, from_world.transpose() * Vec3::NEG_Z, profile.reach())
         }
         PunctualLight::Point { position, .. } => (position, Vec3::Z, PI),
-        PunctualLight::Spot { position, direction, cos_outer, .. } => {
-            (position, direction, cos_outer.clamp(-1.0, 1.0).acos())
+        PunctualLight::Spot { position, direction, outer, .. } => {
+            (position, direction, 2.0 * (0.5 * outer).clamp(0.0, 1.0).sqrt().asin())
         }
         PunctualLight::Directional { direction, .. } | PunctualLight::Disc { direction, .. } => {
             (Vec3::ZERO, direction, 0.0)

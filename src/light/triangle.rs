@@ -1,6 +1,7 @@
 //! One emissive triangle: its solid angle, sampling of directions towards it, and a fast estimate
 //! of the light that it sends to a point.
 
+use super::pattern::Pattern;
 use super::polygon::polygon_irradiance;
 use super::simd::{LANES, Vec3x4, sin_cos};
 use super::source::{Emitter, weight};
@@ -126,6 +127,21 @@ impl TriangleLight {
         self.emitter.radiance * (std::f32::consts::PI * faces * self.area())
     }
 
+    /// Weights of the mesh's second and third vertex at a point of the plane.
+    pub(super) fn weights(&self, position: Vec3) -> [f32; 2] {
+        let [e1, e2] = self.edges;
+        let (offset, scale) = (position - self.corner, self.cross.length_squared().recip());
+        let beta = self.cross.dot(offset.cross(e2)) * scale;
+        let gamma = self.cross.dot(e1.cross(offset)) * scale;
+        if self.mirrored { [gamma, beta] } else { [beta, gamma] }
+    }
+
+    /// The point with these weights of the mesh's second and third vertex.
+    pub(super) fn position(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let [beta, gamma] = if self.mirrored { [v, u] } else { [u, v] };
+        self.corner + self.edges[0] * beta + self.edges[1] * gamma
+    }
+
     /// A point uniform over the area for `u` in [0, 1)²: the weights of the mesh's second and third
     /// vertex, and its position.
     pub(super) fn point(&self, u: Vec2) -> ([f32; 2], Vec3) {
@@ -192,9 +208,14 @@ impl TriangleLight {
     }
 
     /// Density per steradian with which [`View::sample`] chooses a direction that meets the
-    /// triangle at `distance`.
-    pub(super) fn pdf(&self, p: Vec3, distance: f32) -> f32 {
-        self.view(p).map_or(0.0, |view| view.pdf(distance)).min(f32::MAX)
+    /// triangle at `distance` along `wi`.
+    pub(super) fn pdf(&self, p: Vec3, wi: Vec3, distance: f32, pattern: Option<&Pattern>) -> f32 {
+        let Some(view) = self.view(p) else { return 0.0 };
+        let pdf = match pattern {
+            None => view.pdf(distance),
+            Some(pattern) => view.patterned_pdf(pattern, self.weights(p + wi * distance), distance),
+        };
+        pdf.min(f32::MAX)
     }
 }
 
@@ -226,6 +247,32 @@ impl View<'_> {
         TrianglePoints { wi: to_light * inverse, distance, pdf, barycentric }
     }
 
+    /// A direction to the triangle, drawn where it glows or, for a part of `u`, by solid angle.
+    pub fn sample_pattern(&self, pattern: &Pattern, u: Vec2) -> Option<TrianglePoint> {
+        let Some(weights) = pattern.draw(u) else {
+            let point = self.sample([Pattern::rest(u); LANES]).get(0)?;
+            let pdf = self.patterned_pdf(pattern, point.barycentric, point.distance);
+            return Some(TrianglePoint { pdf, ..point });
+        };
+        let [beta, gamma] = if self.light.mirrored { [weights[1], weights[0]] } else { weights };
+        let to_light = self.corner + self.light.edges[0] * beta + self.light.edges[1] * gamma;
+        let distance = to_light.length();
+        let pdf = self.patterned_pdf(pattern, weights, distance);
+        (distance > 0.0 && pdf > 0.0 && pdf.is_finite()).then(|| TrianglePoint {
+            wi: to_light / distance,
+            distance,
+            pdf,
+            barycentric: weights,
+        })
+    }
+
+    /// Density per steradian of [`View::sample_pattern`].
+    fn patterned_pdf(&self, pattern: &Pattern, weights: [f32; 2], distance: f32) -> f32 {
+        let share = pattern.share();
+        share * pattern.density(weights) * self.area_pdf(distance)
+            + (1.0 - share) * self.pdf(distance)
+    }
+
     /// Weights of the second and third corner where directions from the receiver meet the plane,
     /// pulled into the triangle [Moeller97, Sec. 2].
     fn intersect(&self, directions: Vec3x4) -> [Vec4; 2] {
@@ -243,9 +290,14 @@ impl View<'_> {
         if samples_by_solid_angle(self.solid_angle) {
             self.solid_angle.recip()
         } else {
-            // d² / (A cosθ'), with A cosθ' d = volume / 2.
-            2.0 * distance * distance * distance / self.volume
+            self.area_pdf(distance)
         }
+    }
+
+    /// Density per steradian of a direction to a point uniform over the area: d² / (A cosθ'), with
+    /// A cosθ' d = volume / 2.
+    fn area_pdf(&self, distance: f32) -> f32 {
+        2.0 * distance * distance * distance / self.volume
     }
 
     /// Directions, unit but for rounding and uniform over the spherical triangle: `u.x` chooses the

@@ -3,6 +3,7 @@
 use super::bsdf::Bsdf;
 use super::description::{AlphaMode, Material};
 use super::layered::Layered;
+use super::microfacet::DELTA_ALPHA;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec2, Vec3, Vec4};
 use crate::texture::{Texture, TextureRef, lookup};
@@ -25,12 +26,20 @@ impl Material {
     /// blend.
     #[inline]
     pub fn opacity(&self, textures: &[Texture], sp: &SurfacePoint) -> f32 {
-        let alpha =
-            || self.base_alpha * sp.color.w * texture(textures, &self.base_color_texture, &sp.uv).w;
+        if self.is_opaque() {
+            return 1.0;
+        }
+        let alpha = texture(textures, &self.base_color_texture, &sp.uv).w;
+        self.opacity_of(self.base_alpha * sp.color.w * alpha)
+    }
+
+    /// [`Material::opacity`] where alpha, all factors counted, is `alpha`.
+    #[inline]
+    pub fn opacity_of(&self, alpha: f32) -> f32 {
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
-            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+            AlphaMode::Mask(cutoff) => f32::from(alpha >= cutoff),
+            AlphaMode::Blend => alpha.clamp(0.0, 1.0),
         }
     }
 
@@ -38,6 +47,14 @@ impl Material {
     #[inline]
     pub fn is_opaque(&self) -> bool {
         self.alpha_mode == AlphaMode::Opaque
+    }
+
+    /// False only if [`Bsdf::pane`] is `None` everywhere.
+    pub fn may_be_pane(&self) -> bool {
+        let smooth = self.roughness.powi(2) < DELTA_ALPHA
+            || self.metallic_roughness_texture.is_some()
+            || !self.thin && (self.ior - 1.0).abs() < STRAIGHT_ETA;
+        self.transmission > 0.0 && smooth && self.native.is_none() && !self.unlit
     }
 
     /// True if the surface lights others. An unlit material shows a colour but lights nothing.

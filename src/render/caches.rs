@@ -26,7 +26,7 @@ impl Caches {
     /// Caches for `scheme` and light paths of at most `max_bounces` interactions, without records
     /// but those of `before`.
     pub fn new(scene: &Scene, scheme: &Scheme, max_bounces: u32, before: Option<Cache>) -> Self {
-        let new = || Cache::new(scheme.clone(), max_bounces, scene.size());
+        let new = || Cache::new(scheme.clone(), max_bounces);
         let lobes = GlossyLobes::new(scene, scheme, max_bounces).map(Arc::new);
         Self::with(before.unwrap_or_else(new), lobes)
     }

@@ -7,7 +7,7 @@ use super::settings::Settings;
 use crate::error::Result;
 use crate::imagefile::{Attribute, Picture, REC_709, SampleKind, exr, ldr};
 use crate::math::Color;
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 use std::path::Path;
 
 /// Writes the layers of `frame` that `selection` names to `path`.
@@ -29,8 +29,12 @@ pub struct Facts {
     pub scene_hash: String,
     /// Name and version of the ray tracer.
     pub backend: String,
+    /// Where the zero of the scene's coordinates lies in the world.
+    pub origin: DVec3,
     /// Draw the records over the image and write them as layers.
     pub show_records: bool,
+    /// Write 32-bit floats everywhere.
+    pub float: bool,
 }
 
 fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
@@ -41,9 +45,12 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
         picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);
         picture.add("gi.level", SampleKind::Half, drawn.level);
     }
+    if facts.float {
+        picture.channels.iter_mut().for_each(|c| c.kind = SampleKind::Float);
+    }
     let text = |text: &str| Attribute::Text(text.to_owned());
     let matrix = |matrix: Mat4| Attribute::M44f(matrix.to_cols_array());
-    let camera = &settings.camera;
+    let camera = settings.camera.clone().shifted(facts.origin);
     let attributes = [
         ("software", text(concat!("lumicache ", env!("CARGO_PKG_VERSION")))),
         ("settings", text(&settings.describe())),
@@ -61,7 +68,7 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
     picture
 }
 
-/// Writes the beauty, or the picture with records drawn over it, as an 8-bit sRGB PNG.
+/// Writes the beauty, or the picture with records drawn over it, as an 8-bit sRGB PNG or JPEG.
 ///
 /// # Errors
 /// Those of writing the file.
@@ -73,5 +80,5 @@ pub fn write_preview(
         None => frame.film.radiance(),
     };
     let [width, height] = frame.film.window_size();
-    ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))
+    ldr::write(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))
 }

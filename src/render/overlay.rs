@@ -35,7 +35,7 @@ pub fn draw(film: &Film, cache: &Cache, settings: &Settings) -> Drawn {
         eye: settings.camera.to_world.translation.into(),
         depth: film.depth(),
         drawn: Drawn { overlay: film.radiance(), level: vec![0.0; film.pixels().len()] },
-        brightness: 4.0 * film.mean_luminance().max(1e-6),
+        brightness: 4.0 * film.mean_luminance().max(f32::MIN_POSITIVE),
     };
     for level in (0..cache.level_count()).rev() {
         canvas.records(level, &cache.radius_rule(level), cache.records(level));

@@ -19,12 +19,13 @@ pub(super) struct Output {
     pub layers: Selection,
     pub exposure: f32,
     pub show_records: bool,
+    pub float: bool,
 }
 
 impl Default for Output {
     fn default() -> Self {
         let layers = Selection::parse("basic").expect("the default layers");
-        Self { layers, exposure: 0.0, show_records: false }
+        Self { layers, exposure: 0.0, show_records: false, float: false }
     }
 }
 
@@ -57,12 +58,14 @@ impl<'a> Picture<'a> {
             seconds: self.clock.total_seconds(),
             scene_hash: self.scene.hash(),
             backend: self.scene.accel().version(),
+            origin: self.scene.origin(),
             show_records: self.output.show_records,
+            float: self.output.float,
         };
         write_exr(path.as_ref(), &self.frame, &self.settings, &self.output.layers, &facts)
     }
 
-    /// Writes the picture as an 8-bit sRGB PNG.
+    /// Writes the picture as an 8-bit sRGB PNG or JPEG.
     ///
     /// # Errors
     /// Those of writing the file.
@@ -89,5 +92,5 @@ impl<'a> Picture<'a> {
 /// What records of `scene` are made for under `settings`.
 pub(super) fn origin(scene: &Scene, settings: &Settings) -> Origin {
     let hashes = scene.hashes().clone();
-    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.size())
+    Origin::new(hashes, &settings.scheme, settings.max_bounces, scene.origin())
 }

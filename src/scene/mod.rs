@@ -1,7 +1,12 @@
 //! The immutable world that rays are traced in.
 
+mod origin;
+mod emitters;
 mod world;
+mod shadows;
 
+pub use origin::{Part, center, middle};
+pub use shadows::{are_parallel, same_direction};
 pub use world::{Scene, gap};
 
 use crate::camera::{Camera, Motion};
@@ -9,6 +14,7 @@ use crate::geometry::Geometry;
 use crate::light::{EnvironmentMap, PunctualLight};
 use crate::material::Material;
 use crate::texture::{Texture, TexturePixels};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// One hash of all `hashes`.
@@ -23,6 +29,8 @@ fn joined(hashes: &BTreeMap<String, String>) -> String {
 /// A scene as plain data: what an importer or a host fills in, and [`Scene`] is built from.
 #[derive(Clone, Debug, Default)]
 pub struct SceneData {
+    /// Where the zero of all coordinates here lies in the world.
+    pub origin: DVec3,
     /// Meshes and instances.
     pub geometry: Geometry,
     /// Materials that meshes refer to; never empty when there is a mesh.

@@ -1,20 +1,23 @@
 //! A scene ready for rays.
 
+use super::emitters::emitters;
 use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::camera::{Camera, Motion};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Geometry, MAP_ROUNDING, SurfacePoint, interpolate};
-use crate::light::{Emitter, EnvironmentMap, LightSample, LightSource, Lights};
+use crate::light::{EnvironmentMap, LightSample, LightSource, Lights};
 use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
 use crate::sampling::{hash, unit_f32};
 use crate::texture::Texture;
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// A scene with its ray tracing structure and light sampling; immutable and shared by all threads.
 pub struct Scene {
+    origin: DVec3,
     geometry: Geometry,
     materials: Vec<Material>,
     textures: Vec<Texture>,
@@ -27,14 +30,19 @@ pub struct Scene {
     /// For each material: rays may pass through it by its alpha.
     see_through: Vec<bool>,
     any_see_through: bool,
+    /// For each material: it may pass light as an ideal pane.
+    panes: Vec<bool>,
+    any_pane: bool,
     tables: TableStore,
 }
 
-/// Layers of alpha that one ray passes before it is taken to be blocked.
-const MAX_LAYERS: usize = 256;
+/// Layers of alpha after which a ray is taken to be blocked: more than any wood has.
+const MAX_LAYERS: usize = 1 << 16;
 /// A ray between two points ends this share of its length before the second: the rounding of its
 /// direction and of the distance at which it is hit.
-const SHORTENING: f32 = 32.0 * f32::EPSILON;
+pub(super) const SHORTENING: f32 = 32.0 * f32::EPSILON;
+/// Largest diagonal of a scene: squares of distances in it are numbers still.
+const LARGEST: f32 = 1e18;
 /// Radiance of the dome that lights a scene without any light.
 const DOME: Color = Color::splat(0.8);
 
@@ -45,10 +53,12 @@ impl Scene {
     /// of what the importer noticed.
     ///
     /// # Errors
-    /// Those of the ray tracing back end.
+    /// Those of the ray tracing back end; [`Error::InvalidArgument`] for a scene whose diagonal is
+    /// longer than 1e18 units.
     pub fn new(data: SceneData, backend: Backend) -> Result<(Self, Vec<String>)> {
         let hashes = data.hashes();
         let SceneData {
+            origin,
             geometry,
             materials,
             textures,
@@ -58,18 +68,27 @@ impl Scene {
             motions,
             mut warnings,
         } = data;
-        let accel = Accel::build(&geometry, backend)?;
         let bounds = geometry.bounds();
-        let emitters = emitters(&geometry, &materials, &textures);
+        let reach = bounds.diagonal();
+        if reach > LARGEST {
+            let what = format!("the scene reaches over {reach:e} units, more than {LARGEST:e}");
+            return Err(Error::InvalidArgument(what));
+        }
+        let accel = Accel::build(&geometry, backend)?;
+        let (emitters, patterns) = emitters(&geometry, &materials, &textures);
         let unlit_only = !materials.is_empty() && materials.iter().all(|m| m.unlit);
         if emitters.is_empty() && punctual.is_empty() && environment.is_none() && !unlit_only {
             warnings.push("the scene has no light: a neutral dome lights it".to_owned());
             environment = Some(EnvironmentMap::constant(DOME));
         }
-        let lights = Lights::build(&geometry, emitters, punctual, environment, bounds);
+        let lights = Lights::build(&geometry, emitters, punctual, environment, bounds)
+            .with_patterns(patterns);
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
+        let panes: Vec<bool> = materials.iter().map(Material::may_be_pane).collect();
+        let any_pane = panes.contains(&true);
         let scene = Self {
+            origin,
             geometry,
             materials,
             textures,
@@ -81,6 +100,8 @@ impl Scene {
             bounds,
             see_through,
             any_see_through,
+            panes,
+            any_pane,
             tables: TableStore::default(),
         };
         Ok((scene, warnings))
@@ -95,6 +116,22 @@ impl Scene {
     /// Where the tables of the materials are kept.
     pub fn tables(&self) -> &TableStore {
         &self.tables
+    }
+
+    /// Where the zero of the scene's coordinates lies in the world: a scene far from there is kept
+    /// around its own middle.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A position of the scene in the world.
+    pub fn to_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() + self.origin).as_vec3()
+    }
+
+    /// A position of the world in the scene.
+    pub fn from_world(&self, position: Vec3) -> Vec3 {
+        (position.as_dvec3() - self.origin).as_vec3()
     }
 
     /// Meshes and instances.
@@ -154,25 +191,37 @@ impl Scene {
         &self.materials[at.material as usize]
     }
 
+    /// True if the material may pass light as an ideal pane: [`Material::may_be_pane`].
+    #[inline]
+    pub fn is_pane(&self, material: u32) -> bool {
+        self.panes[material as usize]
+    }
+
+    /// True if any material may pass light as an ideal pane.
+    #[inline]
+    pub fn has_panes(&self) -> bool {
+        self.any_pane
+    }
+
     /// Radiance emitted at `at` towards `at.wo`.
     #[inline]
     pub fn emission(&self, at: &SurfacePoint) -> Color {
         self.material(at).emission_at(&self.textures, at)
     }
 
-    /// True if the emission of an instance varies over its triangles.
+    /// True if the light that an instance sends may vary over its triangles.
     #[inline]
-    pub fn emission_is_textured(&self, instance: u32) -> bool {
+    pub fn emission_varies(&self, instance: u32) -> bool {
         let mesh = self.geometry.instances[instance as usize].mesh;
-        self.materials[self.geometry.meshes[mesh as usize].material as usize]
-            .emission_texture
-            .is_some()
+        let material = &self.materials[self.geometry.meshes[mesh as usize].material as usize];
+        material.emission_texture.is_some() || !material.is_opaque()
     }
 
-    /// Radiance emitted at barycentric coordinates of a triangle against the direction `dir`, along
-    /// which it is looked at.
-    pub fn emission_at(&self, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3) -> Color {
-        self.emission(&interpolate(&self.geometry, instance, triangle, u, v, dir))
+    /// Mean radiance sent at barycentric coordinates of a triangle against the direction `dir`,
+    /// along which it is looked at: what alpha does not stop does not shine.
+    pub fn sent_at(&self, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3) -> Color {
+        let at = interpolate(&self.geometry, instance, triangle, u, v, dir);
+        self.emission(&at) * self.material(&at).opacity(&self.textures, &at)
     }
 
     /// The BSDF at `at`; the shading frame is set to that of the normal map.
@@ -210,8 +259,8 @@ impl Scene {
         Ray { origin: at.leave(dir), tmin: 0.0, dir, tmax: f32::INFINITY }
     }
 
-    /// The ray from `at` to the point at `distance` along the unit direction `dir`, `distance` being
-    /// measured from the point itself, not from where the ray starts; it ends `gap` before it.
+    /// The ray from `at` to the point at `distance` along the unit direction `dir`, where the
+    /// distance is that from the point itself, not from where the ray starts; it ends `gap` before.
     pub fn segment(&self, at: &SurfacePoint, dir: Vec3, distance: f32, gap: f32) -> Ray {
         let ray = self.spawn(at, dir);
         if distance.is_infinite() {
@@ -310,11 +359,16 @@ impl Scene {
         self.accel.occluded_many(rays, blocked);
         if self.any_see_through {
             for (ray, blocked) in rays.iter().zip(blocked).filter(|(_, blocked)| **blocked) {
-                let bits = |v: Vec3| v.to_array().map(|x| u64::from(x.to_bits()));
-                let ([a, b, c], [d, e, f]) = (bits(ray.origin), bits(ray.dir));
-                *blocked = self.intersect(ray, hash(&[a, b, c, d, e, f])).is_some();
+                *blocked = self.intersect(ray, Self::seed_of(ray)).is_some();
             }
         }
+    }
+
+    /// A seed that a ray's own numbers make.
+    pub(super) fn seed_of(ray: &Ray) -> u64 {
+        let bits = |v: Vec3| v.to_array().map(|x| u64::from(x.to_bits()));
+        let ([a, b, c], [d, e, f]) = (bits(ray.origin), bits(ray.dir));
+        hash(&[a, b, c, d, e, f])
     }
 
     /// First hits of many rays on any surface; [`Scene::resolve`] takes alpha into account.
@@ -327,47 +381,4 @@ impl Scene {
 /// where the surface may be off by `error` along its normal; at most half of the way.
 pub fn gap(error: f32, cos: f32, distance: f32) -> f32 {
     (error / cos.abs().max(f32::MIN_POSITIVE)).min(0.5 * distance)
-}
-
-/// The emissive triangles with their mean radiance.
-fn emitters(geometry: &Geometry, materials: &[Material], textures: &[Texture]) -> Vec<Emitter> {
-    let mut emitters = Vec::new();
-    for (i, instance) in geometry.instances.iter().enumerate() {
-        let mesh = &geometry.meshes[instance.mesh as usize];
-        let material = &materials[mesh.material as usize];
-        if !material.is_emissive() {
-            continue;
-        }
-        for triangle in 0..mesh.indices.len() as u32 {
-            let radiance = mean_emission(geometry, material, textures, i as u32, triangle);
-            if radiance.max_element() > 0.0 {
-                let double_sided = material.double_sided;
-                emitters.push(Emitter { instance: i as u32, triangle, radiance, double_sided });
-            }
-        }
-    }
-    emitters
-}
-
-/// Mean emission over the front of a triangle: exact without a texture, else the mean over a
-/// regular grid of its points.
-fn mean_emission(
-    geometry: &Geometry, material: &Material, textures: &[Texture], instance: u32, triangle: u32,
-) -> Color {
-    if material.emission_texture.is_none() {
-        return material.emission;
-    }
-    const SIDE: usize = 8;
-    let [a, b, c] = geometry.triangle(instance, triangle);
-    let towards = -(b - a).cross(c - a).normalize_or(Vec3::Z);
-    let mut sum = Color::ZERO;
-    for i in 0..SIDE {
-        for j in 0..SIDE - i {
-            let (u, v) =
-                ((i as f32 + 1.0 / 3.0) / SIDE as f32, (j as f32 + 1.0 / 3.0) / SIDE as f32);
-            sum += material
-                .emission_at(textures, &interpolate(geometry, instance, triangle, u, v, towards));
-        }
-    }
-    sum / (SIDE * (SIDE + 1) / 2) as f32
 }

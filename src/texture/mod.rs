@@ -1,8 +1,10 @@
 //! Sampling of images as textures, with transforms and colour spaces.
 
 mod sample;
+mod summed;
 
 pub use sample::lookup;
+pub use summed::{SummedTable, Window, area, window_of};
 
 pub use crate::imagefile::{TextureImage, TexturePixels};
 
@@ -10,7 +12,7 @@ use crate::math::Vec2;
 use std::sync::Arc;
 
 /// How texture coordinates outside [0, 1] are mapped into it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The image repeats.
     #[default]
@@ -22,7 +24,7 @@ pub enum Wrap {
 }
 
 /// How the stored numbers become linear ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// sRGB transfer function on RGB, alpha linear.
     #[default]

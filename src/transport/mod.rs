@@ -12,6 +12,7 @@ mod hit_change;
 mod outgoing;
 mod points;
 mod cached;
+mod caustics;
 mod probe;
 mod reflector;
 mod stored_hits;
@@ -19,12 +20,13 @@ mod world;
 
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
+pub use caustics::glass_bends_light;
 pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
 pub use path::{PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use vertex::Origin;
+pub use vertex::{Aim, Origin};
 pub use world::{AppearanceOf, SceneWorld};
 
 use crate::accel::Ray;
@@ -33,6 +35,7 @@ use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{Sampler, hash};
+use crate::scene::Scene;
 
 /// The light of one camera sample, split as the output layers are; the five sum to the beauty.
 /// Albedo is multiplied in.
@@ -106,7 +109,8 @@ impl CameraSample {
 
     /// The ray.
     fn ray(&self) -> Ray {
-        Ray { origin: self.camera.origin, tmin: 0.0, dir: self.camera.dir, tmax: f32::INFINITY }
+        let CameraRay { origin, dir, range: [tmin, tmax], .. } = self.camera;
+        Ray { origin, tmin, dir, tmax }
     }
 
     /// Seed of the decisions at partly transparent surfaces.
@@ -141,9 +145,10 @@ pub struct Surface {
 }
 
 impl Surface {
-    fn new(point: &SurfacePoint, bsdf: &Bsdf, distance: f32) -> Self {
+    fn new(scene: &Scene, point: &SurfacePoint, bsdf: &Bsdf, distance: f32) -> Self {
         let albedo = bsdf.albedo(point.frame.to_local(point.wo));
-        Self { position: point.position, normal: point.frame.n, albedo, distance }
+        let position = scene.to_world(point.position);
+        Self { position, normal: point.frame.n, albedo, distance }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
 use super::path::{PathTracer, Sampled, Start};
-use super::vertex::Vertex;
+use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;
@@ -11,14 +11,15 @@ use crate::material::Lobe;
 use crate::math::Color;
 use crate::sampling::{Sampler, hash};
 
-/// The surface is looked for this share of the scene's diagonal around a point.
-const NEARBY: f32 = 1e-4;
+/// The surface is looked for around a point over this multiple of the point's error, and over this
+/// share of its footprint.
+const NEARBY: (f32, f32) = (64.0, 0.05);
 
 impl PathTracer<'_> {
     /// The surface that passes through `at`, seen from `at.wo`; `None` if there is none. `seed`
     /// decides where it is partly transparent.
     pub(super) fn surface_at(&self, at: &SurfacePoint, seed: u64) -> Option<Vertex> {
-        let radius = NEARBY * self.scene.size();
+        let radius = NEARBY.0 * at.error + NEARBY.1 * at.footprint;
         let towards = Ray {
             origin: at.position + radius * at.ng,
             tmin: 0.0,
@@ -62,7 +63,7 @@ impl PathTracer<'_> {
             if sample.lobe == Lobe::Delta {
                 continue;
             }
-            let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.origin() };
+            let start = Start { bounces: 0, aim: Aim::new(sample.pdf, vertex.origin(), next.dir) };
             let light = self.incoming(
                 &next,
                 &start,

@@ -7,7 +7,7 @@ use super::direct::LightPoints;
 use super::find_bright::find_bright;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start};
-use super::vertex::Vertex;
+use super::vertex::{Aim, Origin, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
@@ -152,7 +152,10 @@ impl RadianceProbe for SceneProbe<'_> {
             }
             let mut followed = Color::ZERO;
             if let Some((sample, next)) = &step.next {
-                let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
+                // Light that comes straight through panes is direct light, like the light of lamps.
+                let origin = Origin { position: from.position, facing: Some(from.ng) };
+                let aim = Aim::new(0.0, origin, ray.dir).onward(scene, &vertex, sample, next);
+                let start = Start { bounces, aim };
                 let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(indirect));
                 followed = sample.weight * (light.direct + light.indirect);
                 paths += 1;
@@ -169,14 +172,11 @@ impl RadianceProbe for SceneProbe<'_> {
             }
         }
 
-        let mut blocked = vec![false; shadows.len()];
-        scene.occluded_many(&shadows, &mut blocked);
-        for ((k, radiance, change), blocked) in lit.into_iter().zip(blocked) {
-            if !blocked {
-                bundle.radiance[k] += finite(radiance);
-                if let Some(change) = change {
-                    add_change(bundle, k, change);
-                }
+        for ((k, radiance, change), visible) in lit.into_iter().zip(scene.visibility_many(&shadows))
+        {
+            bundle.radiance[k] += finite(visible * radiance);
+            if let Some(change) = change {
+                add_change(bundle, k, change.map(|c| visible * c));
             }
         }
         let joining = light_paths.map_or(0, |paths| paths.join(from, level, bundle));

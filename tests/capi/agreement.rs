@@ -10,32 +10,17 @@ fn answers_equal_those_of_the_rust_api() {
     let scene = Scene::new(data, Backend::default()).unwrap().0;
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
     scheme.gather.rays = 64;
-    let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
-    let mut expected = Cache::new(scheme, u32::MAX, scene.size());
-
     let d = device("threads=3");
     let s = loaded(&d, "indirect-room");
     let points = seen(&s, 3000);
-    let footprint = 0.002 * scene.size();
+    let at = |i: usize| Vec3::from(points.0[i]);
+    let footprint = VIEWED * extent(points.0.len(), at).unwrap();
     let surface = |(p, n): (&[f32; 3], &[f32; 3])| {
         let n = Vec3::from(*n).normalize();
         SurfacePoint { footprint, ..SurfacePoint::plain(Vec3::from(*p), n) }
     };
     let surfaces: Vec<SurfacePoint> = points.0.iter().zip(&points.1).map(surface).collect();
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(2)
-        .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())
-        .build()
-        .unwrap();
-    pool.install(|| {
-        let first = LevelPoints::from(scattered(&surfaces, seed));
-        let found = tracer.next_points(&first.points, 500, hash(&[seed, 2, 1]), None);
-        let second: Vec<_> = found.into_iter().map(|(point, _)| point).collect();
-        let second = LevelPoints::from(second);
-        let probe = SceneProbe::new(tracer);
-        expected.fill(&probe, 1, &second, seed, &Progress::default()).unwrap();
-        expected.fill(&probe, 0, &first, seed, &Progress::default()).unwrap();
-    });
+    let expected = filled(&scene, scheme, &surfaces, 500, seed);
 
     for threads in [1, 3] {
         let d = device(&format!("threads={threads}"));

@@ -4,15 +4,13 @@
 //! `make test-capi` installs it and sets `LUMICACHE_PREFIX`; without that these tests say that they
 //! are skipped.
 
+use super::filled;
 use lumicache::accel::Backend;
-use lumicache::cache::{Cache, LevelPoints, Preset, scattered};
+use lumicache::cache::{Preset, VIEWED, extent};
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Vec3};
-use lumicache::progress::Progress;
-use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
-use lumicache::transport::{PathTracer, SceneProbe};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -169,28 +167,12 @@ fn host_c_answers_as_the_rust_api_does_bit_for_bit() {
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
     scheme.gather.rays = 256;
     let n = Vec3::Y;
-    let point = |i: usize| {
-        let position =
-            Vec3::new(((i % 64) as f32 + 0.5) / 64.0, 0.0, ((i / 64) as f32 + 0.5) / 64.0);
-        SurfacePoint { footprint: 0.002 * scene.size(), ..SurfacePoint::plain(position, n) }
-    };
+    let at =
+        |i: usize| Vec3::new(((i % 64) as f32 + 0.5) / 64.0, 0.0, ((i / 64) as f32 + 0.5) / 64.0);
+    let footprint = VIEWED * extent(64 * 64, at).unwrap();
+    let point = |i| SurfacePoint { footprint, ..SurfacePoint::plain(at(i), n) };
     let points: Vec<_> = (0..64 * 64).map(point).collect();
-    let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
-    let mut cache = Cache::new(scheme, u32::MAX, scene.size());
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(2)
-        .start_handler(|_| lumicache::ffi::mxcsr::flush_denormals())
-        .build()
-        .unwrap();
-    pool.install(|| {
-        let first = LevelPoints::from(scattered(&points, 0));
-        let found = tracer.next_points(&first.points, 16_384, hash(&[0, 2, 1]), None);
-        let second: Vec<_> = found.into_iter().map(|(point, _)| point).collect();
-        let second = LevelPoints::from(second);
-        let probe = SceneProbe::new(tracer);
-        cache.fill(&probe, 1, &second, 0, &Progress::default()).unwrap();
-        cache.fill(&probe, 0, &first, 0, &Progress::default()).unwrap();
-    });
+    let cache = filled(&scene, scheme, &points, 16_384, 0);
     let mut answered = 0;
     for (line, p) in printed.lines().zip(&points) {
         let words: Vec<_> = line.split(' ').collect();

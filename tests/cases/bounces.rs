@@ -1,14 +1,13 @@
 //! Small bright spots that light a room.
 
-use crate::support::desk::mean;
 use crate::support::gltf_maker::Gltf;
 use crate::support::pictures::{
     beauty, build, cached, difference, load, own, render, settings, with,
 };
 use crate::support::testdata;
-use lumicache::compare::Report;
+use lumicache::imagefile::Picture;
 use lumicache::render::{IntegratorKind, Settings};
-use lumicache::scene::SceneData;
+use lumicache::scene::{Scene, SceneData};
 use serde_json::json;
 use std::f32::consts::{PI, TAU};
 
@@ -100,11 +99,17 @@ fn room(spots: &[[f32; 2]], glowing: bool) -> SceneData {
     file.load()
 }
 
-/// The default against the truth.
-fn assert_without_blotches(name: &str, got: &Report, relmse: f64) {
-    let ratio = got.mean_ratio.unwrap();
-    assert!((ratio - 1.0).abs() < 0.02, "{name}: mean {ratio}");
-    assert!(got.relmse < relmse, "{name}: relMSE {}", got.relmse);
+/// The light that gathers find is right within 2 %: seen with records so close together that what is
+/// between them matters little. The default has no blotches either.
+fn assert_without_blotches(name: &str, lit: &Scene, truth: &Picture) {
+    for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.02, 0.01)] {
+        let settings = cached(lit, "auto", SIZE, 16);
+        let scheme = with(settings.scheme.clone(), |s| s.validity.error = error);
+        let got = difference(&beauty(&render(lit, &Settings { scheme, ..settings })), truth);
+        let ratio = got.mean_ratio.unwrap();
+        assert!((ratio - 1.0).abs() < share, "{name}, error {error}: mean {ratio}");
+        assert!(got.relmse < relmse, "{name}, error {error}: relMSE {}", got.relmse);
+    }
 }
 
 #[test]
@@ -112,8 +117,7 @@ fn rooms_lit_by_spots_on_the_ceiling_have_no_blotches() {
     for spots in [&[[2.5, 2.5]][..], &[[1.2, 2.0], [3.9, 3.1]]] {
         let (lit, glowing) = (build(room(spots, false)), build(room(spots, true)));
         let truth = beauty(&render(&glowing, &settings(&glowing, IntegratorKind::Path, SIZE, 256)));
-        let got = beauty(&render(&lit, &cached(&lit, "auto", SIZE, 16)));
-        assert_without_blotches(&format!("{} spots", spots.len()), &difference(&got, &truth), 0.01);
+        assert_without_blotches(&format!("{} spots", spots.len()), &lit, &truth);
     }
 }
 
@@ -121,15 +125,8 @@ fn rooms_lit_by_spots_on_the_ceiling_have_no_blotches() {
 fn the_case_of_an_uplight_is_right() {
     let Some(file) = testdata::find("cases/uplight-splotches/splotch.gltf") else { return };
     let scene = build(load(&file));
-    let picture = |seed: u64| {
-        let settings = Settings { seed, ..cached(&scene, "auto", SIZE, 16) };
-        beauty(&render(&scene, &settings))
-    };
-    let [a, b] = [1, 2].map(picture);
-    // Bidirectional path tracing with 1024 samples a pixel.
-    let seen = mean(&a, "R");
-    assert!((seen / 0.7115 - 1.0).abs() < 0.02, "{seen}");
-    assert_without_blotches("two seeds", &difference(&a, &b), 0.02);
+    let truth = settings(&scene, IntegratorKind::Bdpt, SIZE, 256);
+    assert_without_blotches("the case", &scene, &beauty(&render(&scene, &truth)));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use lumicache::camera::Projection;
 use lumicache::error::Error;
 use lumicache::geometry::Geometry;
 use lumicache::import::{ImportOptions, gltf};
-use lumicache::light::PunctualLight;
+use lumicache::light::{PunctualLight, versine};
 use lumicache::math::{Vec3, Vec4};
 use lumicache::scene::SceneData;
 use std::path::Path;
@@ -213,15 +213,13 @@ fn cameras_and_lights_of_files_have_the_expected_numbers() {
     assert!((persp.aspect.unwrap() - 16.0 / 9.0).abs() < 1e-6);
     let at = Vec3::from(persp.to_world.translation);
     assert!((at - Vec3::new(4.559_937_5, -7.584_074, 4.958_309)).length() < 1e-6);
-    let [PunctualLight::Point { position, .. }, PunctualLight::Spot { cos_outer, intensity, .. }] =
+    let [PunctualLight::Point { position, .. }, PunctualLight::Spot { outer, intensity, .. }] =
         scene.punctual[..]
     else {
         panic!("{:?}", scene.punctual)
     };
     assert!((position - Vec3::new(4.076_245, 1.005_454, 5.903_862)).length() < 1e-6);
-    assert!(
-        (cos_outer - 0.654_498_46f32.cos()).abs() < 1e-6 && (intensity.x - 1000.0).abs() < 1e-3
-    );
+    assert!((outer - versine(0.654_498_46)).abs() < 1e-6 && (intensity.x - 1000.0).abs() < 1e-3);
 }
 
 #[test]

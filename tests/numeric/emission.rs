@@ -43,8 +43,8 @@ fn lights() -> (Lights, Aabb) {
             direction: Vec3::Z,
             intensity: Color::splat(9.0),
             range: f32::INFINITY,
-            cos_inner: 0.9,
-            cos_outer: 0.6,
+            inner: 0.1,
+            outer: 0.4,
         },
     ];
     let bounds = Aabb { min: Vec3::splat(-1.0), max: Vec3::splat(3.0) };

@@ -85,6 +85,30 @@ fn gloss_glass_and_caustics_are_the_path_tracer_s() {
     assert_alike("leaves", &build(own("alpha-leaves")), [16, 6], |_| ());
 }
 
+/// Those scenes of `scenes/` that the tests above do not have.
+#[test]
+fn every_scene_is_the_path_tracer_s() {
+    for name in [
+        "cornell-box-phong",
+        "curved-spheres",
+        "glossy-walk",
+        "ies-hall",
+        "indirect-room",
+        "many-light-hall",
+        "metal-hall",
+        "phong-pot",
+        "pyramid-metal",
+        "slit-light",
+        "staircase",
+        "staircase-room",
+        "two-glossy-planes",
+        "two-rooms-gap",
+        "ward-floor",
+    ] {
+        assert_alike(name, &build(own(name)), [12, 6], |_| ());
+    }
+}
+
 #[test]
 fn absorbing_glass_is_the_path_tracer_s() {
     // A solid of rough green glass around a diffuse core, under a sky.
@@ -132,8 +156,8 @@ fn punctual_lights_and_luminaires_are_the_path_tracer_s() {
             direction: Vec3::new(0.6, -0.8, 0.0),
             intensity: Color::splat(6.0),
             range: f32::INFINITY,
-            cos_inner: 0.9,
-            cos_outer: 0.7,
+            inner: 0.1,
+            outer: 0.3,
         },
         PunctualLight::Ies {
             position: Vec3::new(0.0, 0.9, 0.3),
@@ -202,8 +226,8 @@ fn mirror_and_wall() -> SceneData {
         direction: Vec3::new(1.0, -1.0, 0.0).normalize(),
         intensity: Color::splat(10.0),
         range: f32::INFINITY,
-        cos_inner: 0.985,
-        cos_outer: 0.98,
+        inner: 0.015,
+        outer: 0.02,
     }];
     data
 }

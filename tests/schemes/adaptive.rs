@@ -29,8 +29,8 @@ struct Verdict {
 
 fn verdict(cache: &Cache, points: &[SurfacePoint], appearance: &[Appearance]) -> Verdict {
     let scheme = cache.scheme();
-    let reach = RadiusRule::new(scheme, 0, cache.scene_size(), 1.0);
-    let tolerance = 1e-4 * cache.scene_size();
+    let reach = RadiusRule::new(scheme, 0, cache.extent(), 1.0);
+    let tolerance = 1e-4 * cache.extent();
     let mut verdict = Verdict::default();
     for (at, look) in points.iter().zip(appearance) {
         let mut valid = Vec::new();
@@ -135,7 +135,7 @@ fn levels_converge_fully() {
             assert!(stats.passes <= 15 && stats.reductions > 0, "{name}, {preset}: {stats:?}");
             // Before refinement the conditions do not hold: the test can fail.
             let points = LevelPoints::from(r.points.clone());
-            let mut cache = Cache::new(one_level(quick(preset)), u32::MAX, scene.size());
+            let mut cache = Cache::new(one_level(quick(preset)), u32::MAX);
             cache.fill(&probe(&scene), 0, &points, 0, &Progress::default()).unwrap();
             assert!(verdict(&cache, &r.points, &r.appearance).visible > 20, "{name}, {preset}");
             for record in r.records() {
@@ -156,13 +156,15 @@ fn lookups_respect_each_record_s_own_error() {
     for preset in ["krivanek06", "hmdic"] {
         let r = Refined::scene(&scene, quick(preset), [64, 64]);
         let (scheme, reach) =
-            (r.cache.scheme(), RadiusRule::new(r.cache.scheme(), 0, scene.size(), 1.0));
+            (r.cache.scheme(), RadiusRule::new(r.cache.scheme(), 0, r.cache.extent(), 1.0));
         let mut several = 0;
         for at in &r.points {
             let (mut sum, mut weights, mut allowed, mut count) = (Color::ZERO, 0.0, 0.0, 0);
             for x in r.records() {
                 let share = x.error / scheme.validity.error;
-                if let Some(e) = reach.error_of(x, at, 1e-4 * scene.size()).filter(|e| *e < share) {
+                if let Some(e) =
+                    reach.error_of(x, at, 1e-4 * r.cache.extent()).filter(|e| *e < share)
+                {
                     let w = scheme.validity.weight.at(e / share, 1.0 / share);
                     sum += w * extrapolated(x, &reach, at);
                     weights += w;
@@ -223,7 +225,7 @@ fn refinement_costs_little_beside_gathering() {
         let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
         let timed = Timed { probe: SceneProbe::new(tracer), microseconds: AtomicU64::new(0) };
         let start = cpu_seconds();
-        let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
+        let mut cache = Cache::new(scheme("krivanek06"), u32::MAX);
         let deeper = LevelPoints::from(
             tracer
                 .next_points(&points, 16_384, 0, None)
@@ -239,10 +241,10 @@ fn refinement_costs_little_beside_gathering() {
         let all = cpu_seconds() - start;
         // What a record costs beside its rays: directions, estimates, gradients.
         let records: u64 = (0..2).map(|level| cache.records(level).len() as u64).sum();
-        let (start, idle) = (cpu_seconds(), Cache::new(scheme("krivanek06"), 0, scene.size()));
+        let (start, idle) = (cpu_seconds(), Cache::new(scheme("krivanek06"), 0));
         let (constant, reach) = (
             Field { radiance: |_, _| 1.0, distance: 1.0 },
-            RadiusRule::new(idle.scheme(), 0, scene.size(), 1.0),
+            RadiusRule::new(idle.scheme(), 0, cache.extent(), 1.0),
         );
         let mut samples = HemisphereSamples::new(idle.scheme().layout(0), Density::Cosine);
         for at in &first.points[..256] {
@@ -297,7 +299,7 @@ fn the_layer_gi_a_shows_the_allowed_errors() {
 #[test]
 fn bad_input_is_refused() {
     let scene = build(own("cornell-box"));
-    let mut cache = Cache::new(scheme("krivanek06"), u32::MAX, scene.size());
+    let mut cache = Cache::new(scheme("krivanek06"), u32::MAX);
     let (points, appearance): (Vec<_>, Vec<_>) = seen(&scene, [4, 4]).into_iter().unzip();
     let points = LevelPoints::from(points);
     let refine = |cache: &mut Cache, appearance: &[Appearance]| {

@@ -377,7 +377,7 @@ fn files_keep_axes_and_spare_records_without() {
         let (cache, _) = fill(&scene, with_rays(scheme(preset), 64), &points);
         let file = CacheFile::new(
             &cache,
-            Origin::new(BTreeMap::new(), cache.scheme(), u32::MAX, cache.scene_size()),
+            Origin::new(BTreeMap::new(), cache.scheme(), u32::MAX, glam::DVec3::ZERO),
         );
         let bytes = file.to_bytes();
         assert!(bytes.len() < most * file.record_count() + 8192, "{preset}: {} bytes", bytes.len());

@@ -75,7 +75,7 @@ fn caches(tracer: PathTracer, size: &Size, rows: std::ops::Range<u32>) -> [Cache
         (scheme.gather.rays, scheme.gather.gradient) = (size.rays, gradient);
         (scheme.validity.error, scheme.validity.weight) = (0.15, Weight::Inverse);
         (scheme.radius.min_pixels, scheme.clamping, scheme.levels) = (0.0, Clamping::None, 1);
-        let mut cache = Cache::new(scheme, FIRST_BOUNCE, tracer.scene.size());
+        let mut cache = Cache::new(scheme, FIRST_BOUNCE).with_extent(tracer.scene.size());
         cache.fill(&SceneProbe::new(tracer), 0, &points, 5, &Progress::default()).unwrap();
         cache
     })

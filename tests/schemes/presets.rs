@@ -73,7 +73,7 @@ fn records_are_numbers_and_reach_within_the_limits() {
     for preset in PRESETS.iter() {
         let (cache, _) = fill(&scene, quick(preset.scheme()), &points);
         let (scheme, reach) =
-            (cache.scheme(), RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0));
+            (cache.scheme(), RadiusRule::new(cache.scheme(), 0, cache.extent(), 1.0));
         let scale =
             if scheme.validity.kernel == Kernel::Tabellion { scheme.validity.error } else { 1.0 };
         for r in cache.records(0) {
@@ -96,7 +96,7 @@ fn records_are_numbers_and_reach_within_the_limits() {
                     && (r.normal.length() - 1.0).abs() < 1e-4,
                 "{r:?}"
             );
-            let longest = scheme.radius.max_radius * scene.size();
+            let longest = scheme.radius.max_radius * cache.extent();
             let pixels = if scheme.radius.max_pixels > 0.0 {
                 scheme.radius.max_pixels * r.footprint
             } else {
@@ -174,7 +174,7 @@ fn no_record_is_used_beyond_the_limit_of_normals() {
                 s.validity = Validity { error, normal_limit, smoothing: 1.0, ..s.validity };
             });
             let (cache, _) = fill(&scene, careless, &points);
-            let reach = RadiusRule::new(cache.scheme(), 0, cache.scene_size(), 1.0);
+            let reach = RadiusRule::new(cache.scheme(), 0, cache.extent(), 1.0);
             let (mut used, mut widest) = (0, 0.0_f32);
             for (p, r) in
                 points.points.iter().flat_map(|p| cache.records(0).iter().map(move |r| (p, r)))
@@ -240,7 +240,7 @@ fn clamped_records_have_missed_no_feature() {
 /// records.
 fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color, f32, u32)> {
     let scheme = cache.scheme();
-    let reach = RadiusRule::new(scheme, 0, cache.scene_size(), scheme.validity.smoothing);
+    let reach = RadiusRule::new(scheme, 0, cache.extent(), scheme.validity.smoothing);
     let (mut sum, mut weights, mut errors, mut count) = (Color::ZERO, 0.0, 0.0, 0);
     for r in cache.records(0).iter().take(limit) {
         let (area, slope) = reach.area(r);
@@ -248,8 +248,7 @@ fn brute_force(cache: &Cache, at: &SurfacePoint, limit: usize) -> Option<(Color,
         let (offset, cosine) = (at.position - r.position, at.frame.n.dot(r.normal));
         let (d, position) = (offset.length(), area.share(r.normal, offset) / share);
         let error = reach.relative_error(position, cosine, reach.normal_scale() / share);
-        let in_front =
-            0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.scene_size();
+        let in_front = 0.5 * offset.dot(at.frame.n + r.normal) < -0.05 * d - 1e-4 * cache.extent();
         if cosine <= 0.0 || position >= 1.0 || error >= 1.0 || in_front {
             continue;
         }
@@ -294,12 +293,8 @@ fn the_index_finds_what_a_search_of_all_records_finds() {
         scheme.check().unwrap();
         let (cache, _) = fill(&scene, quick(scheme), &points);
         let records = cache.records(0);
-        let reach = RadiusRule::new(
-            cache.scheme(),
-            0,
-            cache.scene_size(),
-            cache.scheme().validity.smoothing,
-        );
+        let reach =
+            RadiusRule::new(cache.scheme(), 0, cache.extent(), cache.scheme().validity.smoothing);
         let mut found = 0;
         for k in 0..2000 {
             // Around a record out to a little beyond its reach, with its normal tilted by up to 40
@@ -415,7 +410,7 @@ fn a_gather_that_is_repeated_behind_a_facet_is_thrown_away() {
     let scheme = with(one_level(with_rays(scheme("ward-heckbert92"), 64)), |s| {
         clamp_to_neighbours(s, true);
     });
-    let mut cache = Cache::new(scheme, u32::MAX, 20.0);
+    let mut cache = Cache::new(scheme, u32::MAX);
     let at = |x: f32| SurfacePoint {
         footprint: 0.01,
         ..SurfacePoint::plain(Vec3::new(x, 0.0, 0.0), Vec3::Z)

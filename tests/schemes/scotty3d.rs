@@ -37,7 +37,7 @@ fn filled(tracer: PathTracer, points: &LevelPoints, rotational_gradient: bool) -
         s.extrapolation =
             if rotational_gradient { Extrapolation::Rotation } else { Extrapolation::None };
     });
-    let mut cache = Cache::new(scheme, tracer.max_bounces, tracer.scene.size());
+    let mut cache = Cache::new(scheme, tracer.max_bounces);
     let stats = cache.fill(&SceneProbe::new(tracer), 0, points, 3, &Progress::default()).unwrap();
     Filled { cache, stats }
 }

@@ -10,7 +10,7 @@ use lumicache::math::{Color, Vec3};
 #[test]
 fn records_are_small_at_a_step_and_large_away_from_it() {
     let field = Field { radiance: |x: Vec3, _| if x.x < 0.1 { 1.0 } else { 2.0 }, distance: 1.0 };
-    let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(0.0));
+    let r = Refined::new(&field, quick("krivanek06"), floor(0.0));
     let [near, far] = [0.0..0.05, 1.0..9.0].map(|distance: std::ops::Range<f32>| {
         let chosen: Vec<f32> = r
             .records()
@@ -28,7 +28,7 @@ fn records_are_small_at_a_step_and_large_away_from_it() {
 fn strong_direct_light_makes_records_superfluous() {
     let field = Field { radiance: |x: Vec3, _| 1.0 + 0.3 * (8.0 * x.x).sin(), distance: 1.0 };
     let counts = [0.0, 5.0, 100.0].map(|direct| {
-        let r = Refined::new(&field, quick("krivanek06"), 10.0, floor(direct));
+        let r = Refined::new(&field, quick("krivanek06"), floor(direct));
         r.records().len() - r.unrefined
     });
     // Against light that outshines it a hundred times no change of the field can be seen.
@@ -49,7 +49,7 @@ fn the_allowance_for_noise_saves_most_records() {
             (s.gather.gradient, s.clamping) = (TranslationalGradient::None, Clamping::None);
         })
     };
-    let r = Refined::new(&field, without_gradient(quick("krivanek06")), 10.0, floor(0.0));
+    let r = Refined::new(&field, without_gradient(quick("krivanek06")), floor(0.0));
     let (before, after) = (r.unrefined, r.records().len());
     // One standard error is allowed, so that some pairs of records still seem to differ. Without
     // the allowance the same field is refined to the utmost.
@@ -63,8 +63,7 @@ fn the_allowance_for_noise_saves_most_records() {
             bundle.radiance.fill(mean);
         }
     }
-    let certain =
-        Refined::new(&Certain(field), without_gradient(quick("krivanek06")), 10.0, floor(0.0));
+    let certain = Refined::new(&Certain(field), without_gradient(quick("krivanek06")), floor(0.0));
     let certain = certain.records().len();
     assert!(
         before < after && 4 * after < certain,

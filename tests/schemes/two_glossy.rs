@@ -180,7 +180,7 @@ fn records_at_the_hits_tell_how_the_light_they_know_changes() {
     let (points, orders) =
         hits.into_iter().map(|(point, _)| (point, scheme.glossy().order)).unzip();
     let points = LevelPoints { points, orders, round: 0 };
-    let mut cache = Cache::new(scheme.clone(), u32::MAX, scene.size()).with_radiance();
+    let mut cache = Cache::new(scheme.clone(), u32::MAX).with_radiance();
     cache.fill_radiance(&Dawn, None, 1, &points, 1, &Progress::default()).unwrap();
     let count = cache.radiance_records(1).len();
     assert!(count > 3, "{count} records behind the first level");

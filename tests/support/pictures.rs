@@ -112,7 +112,7 @@ pub fn seen(scene: &Scene, camera: &Camera, size: [u32; 2], seed: u64) -> Vec<Su
 /// A cache of which only the first level is filled, at `points` in rounds of `round` (0: growing
 /// ones).
 pub fn fill(scene: &Scene, scheme: Scheme, points: &LevelPoints) -> (Cache, FillStats) {
-    let mut cache = Cache::new(one_level(scheme), u32::MAX, scene.size());
+    let mut cache = Cache::new(one_level(scheme), u32::MAX);
     let probe = SceneProbe::new(PathTracer { scene, max_bounces: u32::MAX });
     let stats = cache.fill(&probe, 0, points, 0, &Progress::default()).unwrap();
     (cache, stats)

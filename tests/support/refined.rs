@@ -24,10 +24,9 @@ pub struct Refined {
 
 impl Refined {
     pub fn new(
-        probe: &dyn RadianceProbe, scheme: Scheme, scene_size: f32,
-        seen: Vec<(SurfacePoint, Appearance)>,
+        probe: &dyn RadianceProbe, scheme: Scheme, seen: Vec<(SurfacePoint, Appearance)>,
     ) -> Self {
-        let mut cache = Cache::new(one_level(scheme), u32::MAX, scene_size);
+        let mut cache = Cache::new(one_level(scheme), u32::MAX);
         let (points, appearance): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
         let points = LevelPoints::from(points);
         let first = cache.fill(probe, 0, &points, 0, &Progress::default()).unwrap();
@@ -41,7 +40,7 @@ impl Refined {
 
     /// What the camera of `scene` sees, refined.
     pub fn scene(scene: &Scene, scheme: Scheme, size: [u32; 2]) -> Self {
-        Self::new(&probe(scene), scheme, scene.size(), seen(scene, size))
+        Self::new(&probe(scene), scheme, seen(scene, size))
     }
 
     pub fn records(&self) -> &[Record<Irradiance>] {

@@ -1,7 +1,7 @@
 //! Late records: made while other threads read the cache.
 
 use super::gatherer::Gatherer;
-use super::points::FillStats;
+use super::points::{FillStats, extent_of};
 use super::rounds::Filling;
 use crate::cache::payload::Irradiance;
 use crate::cache::store::Live;
@@ -23,6 +23,9 @@ impl Live {
         &self, probe: &dyn RadianceProbe, mut points: Vec<SurfacePoint>, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
+        if self.read(|s| s.cache().extent()) == 0.0 && !points.is_empty() {
+            self.settle(extent_of(&points));
+        }
         let base = self.snapshot();
         if base.is_frozen() {
             let what = "the cache is frozen: it takes no more records";
@@ -70,7 +73,7 @@ mod tests {
     fn live() -> Live {
         let mut scheme = Preset::by_name("ward-heckbert92").unwrap().scheme();
         (scheme.gather.rays, scheme.levels) = (16, 1);
-        Live::new(Cache::new(scheme, u32::MAX, 2.0))
+        Live::new(Cache::new(scheme, u32::MAX).with_extent(2.0))
     }
 
     fn row(y: f32) -> Vec<SurfacePoint> {

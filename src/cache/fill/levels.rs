@@ -1,7 +1,7 @@
 //! The one driver of the fill: all levels, deepest first, in any world.
 
 use super::gatherer::Gatherer;
-use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint};
+use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint, extent_of};
 use super::refinement::refine;
 use super::rounds::Filling;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
@@ -16,6 +16,9 @@ use crate::progress::{Phase, Progress};
 use crate::sampling::{hash, stream};
 use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Footprint of points that the camera does not see, as a share of the extent.
+const DEEPER_FOOTPRINT: f32 = 0.004;
 
 /// The direction to the viewer from a position.
 pub type Towards<'a> = dyn Fn(Vec3) -> Vec3 + Sync + 'a;
@@ -32,7 +35,7 @@ pub trait World: Sync {
 
     /// The surface points of `level` that `count` rays from `before` meet, with the order that
     /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
-    /// has a radiance cache.
+    /// has a radiance cache. Their footprint is for the caller to set.
     fn next_points(
         &self, before: &[SurfacePoint], level: u8, radiance: bool, count: usize, seed: u64,
     ) -> Vec<(SurfacePoint, u8)>;
@@ -108,7 +111,7 @@ impl Cache {
     /// returns for each point how many records of its kind existed when it was visited.
     ///
     /// # Errors
-    /// [`Error::Cancelled`].
+    /// [`Error::Cancelled`]; the levels have the records so far then.
     pub fn fill_levels(
         &mut self, world: &dyn World, points: &[ShadingPoint], plan: &FillPlan,
         report: &mut FillReport, progress: &Progress,
@@ -120,6 +123,7 @@ impl Cache {
             return Ok(births);
         }
         let places: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
+        self.settle(&places);
         world.prepare(&places, plan.seed);
         let mut levels = vec![points.to_vec()];
         for level in 1..count {
@@ -155,6 +159,13 @@ impl Cache {
         Ok(births)
     }
 
+    /// Takes the extent of `points`, unless it is known.
+    fn settle(&mut self, points: &[SurfacePoint]) {
+        if self.extent() == 0.0 && !points.is_empty() {
+            *self = self.clone().with_extent(extent_of(points));
+        }
+    }
+
     /// Points of `level`, from which light reaches `before`.
     fn next_points(
         &self, world: &dyn World, level: u8, before: &[ShadingPoint], plan: &FillPlan,
@@ -163,7 +174,10 @@ impl Cache {
         let seed = hash(&[plan.seed, stream::DEEPER_POINTS, u64::from(level)]);
         let radiance = level < self.radiance_level_count();
         let found = world.next_points(&before, level, radiance, plan.deeper_points, seed);
-        let wanted = |(k, (point, order))| self.shading_point(level, k, point, order);
+        let footprint = DEEPER_FOOTPRINT * self.extent();
+        let wanted = |(k, (point, order))| {
+            self.shading_point(level, k, SurfacePoint { footprint, ..point }, order)
+        };
         (0..).zip(found).map(wanted).collect()
     }
 
@@ -209,18 +223,19 @@ impl Cache {
     /// them. The same arguments give the same records on any number of threads.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays as it was then.
+    /// [`Error::Cancelled`]; the level has the records so far then.
     pub fn fill(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
+        self.settle(&points.points);
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
         let before = self.records(level).to_vec();
-        let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress)?;
+        let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].irradiance = Arc::new(store);
         }
-        Ok(stats)
+        stats
     }
 
     /// As [`Cache::fill`], in the radiance cache of `level`. `reflector` tells how surfaces
@@ -228,20 +243,21 @@ impl Cache {
     /// level has no radiance cache.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays as it was then.
+    /// [`Error::Cancelled`]; the level has the records so far then.
     pub fn fill_radiance(
         &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
         points: &LevelPoints, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
+        self.settle(&points.points);
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
         };
         let before = self.radiance_records(level).to_vec();
-        let (store, stats) = extend::<Harmonics>(gatherer, before, points, progress)?;
+        let (store, stats) = extend::<Harmonics>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].radiance = Some(Arc::new(store));
         }
-        Ok(stats)
+        stats
     }
 
     /// Refines the irradiance records of a filled level until they have fully converged with
@@ -266,8 +282,8 @@ impl Cache {
     /// Gathers do not see the level meanwhile.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and the level is empty then; [`Error::InvalidArgument`] if points and
-    /// appearances are not of one length or the level is not filled.
+    /// [`Error::Cancelled`], and the level has the records so far then; [`Error::InvalidArgument`]
+    /// if points and appearances are not of one length or the level is not filled.
     pub fn refine(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints,
         appearances: &Appearances, seed: u64, progress: &Progress,
@@ -281,7 +297,7 @@ impl Cache {
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
         let (store, stats) = refine(gatherer, records, points, appearances, progress)?;
         self.levels[usize::from(level)].irradiance = Arc::new(store);
-        Ok(stats)
+        stats
     }
 
     /// As [`Cache::refine`] for radiance records. They are compared by the radiance that leaves the
@@ -301,7 +317,7 @@ impl Cache {
         let records = self.radiance_records(level).to_vec();
         let (store, stats) = refine(gatherer, records, points, appearances, progress)?;
         self.levels[usize::from(level)].radiance = Some(Arc::new(store));
-        Ok(stats)
+        stats
     }
 
     fn radiance_gatherer<'a>(
@@ -333,17 +349,18 @@ impl Cache {
     }
 }
 
-/// What the records `before` and those that `points` need become, and what was done; `None` if no
-/// new one was needed.
+/// What the records `before` and those that `points` need become, `None` if no new one was needed,
+/// and what was done. The latter is [`Error::Cancelled`] where the former are only the records so
+/// far.
 fn extend<P: Payload>(
     gatherer: Gatherer<P>, before: Vec<Record<P>>, points: &LevelPoints, progress: &Progress,
-) -> Result<(Option<Store<P>>, FillStats)> {
+) -> (Option<Store<P>>, Result<FillStats>) {
     let count = before.len();
     let mut filling = Filling::new(gatherer, before);
-    filling.run(points, progress)?;
+    let end = filling.run(points, progress);
     let Filling { records, stats, .. } = filling;
     let store = (records.len() > count).then(|| gatherer.rules.store(gatherer.level, records));
-    Ok((store, stats))
+    (store, end.map(|()| stats))
 }
 
 fn level_points(chosen: &[ShadingPoint], round: usize) -> LevelPoints {

@@ -66,7 +66,7 @@ impl Irradiance {
         };
         let derivatives = metric::derivatives(scheme, samples);
         let gradient = derivatives.gradient;
-        let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, rule.scene_size());
+        let mut shape = metric::shape(scheme, samples, irradiance, &derivatives, rule.extent());
         if scheme.radius.nearest > 0.0 {
             let nearest = scheme.radius.nearest * samples.nearest_distance(NEAREST);
             shape = shape.map(|r| r.min(nearest));

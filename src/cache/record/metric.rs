@@ -46,7 +46,7 @@ pub(in crate::cache) fn derivatives(scheme: &Scheme, samples: &HemisphereSamples
 /// The lengths R_i of the record of `samples`: its radii where the allowed error is 1.
 pub(in crate::cache) fn shape(
     scheme: &Scheme, samples: &HemisphereSamples, irradiance: Color, derivatives: &Derivatives,
-    scene_size: f32,
+    extent: f32,
 ) -> Area {
     let disc = |r| Area::Disc { r };
     match scheme.radius.metric {
@@ -61,7 +61,7 @@ pub(in crate::cache) fn shape(
         Metric::Minimum => disc(samples.minimum_distance()),
         Metric::MinimumRestricted => disc(samples.minimum_distance_restricted()),
         Metric::Gradient(_) | Metric::Hessian(_) | Metric::UnoccludedHessian(_) => {
-            let size = f64::from(scene_size);
+            let size = f64::from(extent);
             let lit = luminance(irradiance) > 0.0;
             let e = if lit { f64::from(luminance(irradiance)) } else { PI };
             // Of the mean radiance, or of a world of radiance 1.
@@ -92,7 +92,7 @@ pub(in crate::cache) fn shape(
 }
 
 /// The radius at which |g·x| over a disc is e on average, or adds up to e times the square of the
-/// scene's size: `∫|g·x| = (4/3) R³ |g|`. The thesis of Zhao prints `π R² |g|` [Zhao, Eq. 3.6],
+/// extent: `∫|g·x| = (4/3) R³ |g|`. The thesis of Zhao prints `π R² |g|` [Zhao, Eq. 3.6],
 /// which has another dimension.
 fn first_order(measure: Measure, e: f64, slope: f64, size: f64) -> f64 {
     match measure {
@@ -104,7 +104,7 @@ fn first_order(measure: Measure, e: f64, slope: f64, size: f64) -> f64 {
 /// Areas over which ½ xᵀHx is as large as it may be.
 pub(in crate::cache) struct Curvature<'a> {
     pub scheme: &'a Scheme,
-    /// The scene's diagonal.
+    /// The length that errors in total are relative to.
     pub size: f64,
     /// The irradiance that errors are relative to.
     pub e: f64,

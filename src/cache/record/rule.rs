@@ -20,12 +20,12 @@ pub struct RadiusRule {
     min_pixels: f32,
     max_pixels: f32,
     max_radius: f32,
-    scene_size: f32,
+    extent: f32,
 }
 
 impl RadiusRule {
     /// The rule of `level`; `smoothing` is 1 while the level fills.
-    pub fn new(scheme: &Scheme, level: u8, scene_size: f32, smoothing: f32) -> Self {
+    pub fn new(scheme: &Scheme, level: u8, extent: f32, smoothing: f32) -> Self {
         Self {
             kernel: scheme.validity.kernel,
             widest_normal: SQRT_2 * (0.5 * scheme.validity.normal_limit).sin(),
@@ -43,8 +43,8 @@ impl RadiusRule {
             // Pixels bound records from above for the eye's sake; it does not see the deeper
             // levels.
             max_pixels: if level == 0 { scheme.radius.max_pixels } else { 0.0 },
-            max_radius: scheme.radius.max_radius * scene_size,
-            scene_size,
+            max_radius: scheme.radius.max_radius * extent,
+            extent,
         }
     }
 
@@ -53,9 +53,9 @@ impl RadiusRule {
         self.least_cosine
     }
 
-    /// Diagonal of the scene.
-    pub(in crate::cache) fn scene_size(&self) -> f32 {
-        self.scene_size
+    /// The length that errors in total are relative to.
+    pub(in crate::cache) fn extent(&self) -> f32 {
+        self.extent
     }
 
     /// What takes lengths to radii under kernels that bound an error.
@@ -72,12 +72,9 @@ impl RadiusRule {
             Kernel::Ward | Kernel::Schwarzhaupt | Kernel::Ribardiere => self.scale * length,
             Kernel::Tabellion => 0.5 * length,
         };
-        let upper = if self.max_pixels > 0.0 {
-            self.max_radius.min(self.max_pixels * footprint)
-        } else {
-            self.max_radius
-        };
-        let lower = (self.min_pixels * footprint).min(upper).max(1e-6 * self.max_radius);
+        let pixels = self.max_pixels * footprint;
+        let upper = if pixels > 0.0 { self.max_radius.min(pixels) } else { self.max_radius };
+        let lower = (self.min_pixels * footprint).max(1e-6 * self.max_radius).min(upper);
         let clamped = wanted.clamp(lower, upper);
         let scale = if self.kernel == Kernel::Tabellion { self.scale } else { 1.0 };
         (clamped * scale * self.smoothing, (wanted / clamped).min(1.0))

@@ -54,7 +54,7 @@ words! {
     /// the record.
     pub enum Measure {
         /// The integral over the record's area is bounded, as a share of irradiance times the
-        /// square of the scene's diagonal [Schwarzhaupt12]. Small areas may err more.
+        /// square of the extent of what is lit [Schwarzhaupt12]. Small areas may err more.
         Total = "total",
         /// The mean over the record's area is bounded, as a share of irradiance.
         Average = "average",

@@ -16,7 +16,7 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Cache {
     scheme: Arc<Scheme>,
-    pub(in crate::cache) scene_size: f32,
+    pub(in crate::cache) extent: f32,
     /// Light paths have no bound on their length, so that every level holds the same quantity and
     /// any may stand in for another.
     unlimited: bool,
@@ -27,13 +27,13 @@ pub struct Cache {
 
 impl Cache {
     /// An empty cache for light paths of at most `max_bounces` interactions after the camera hit
-    /// (`u32::MAX`: no bound), in a scene whose diagonal is `scene_size`. It has the scheme's
-    /// levels, but no more than the paths have bounces.
-    pub fn new(scheme: impl Into<Arc<Scheme>>, max_bounces: u32, scene_size: f32) -> Self {
+    /// (`u32::MAX`: no bound). It has the scheme's levels, but no more than the paths have bounces.
+    pub fn new(scheme: impl Into<Arc<Scheme>>, max_bounces: u32) -> Self {
         let scheme = scheme.into();
         let count = u32::from(scheme.levels).min(max_bounces);
         let unlimited = max_bounces == u32::MAX;
-        let mut cache = Self { scheme, scene_size, unlimited, levels: Vec::new(), projector: None };
+        let mut cache =
+            Self { scheme, extent: 0.0, unlimited, levels: Vec::new(), projector: None };
         for level in 0..count {
             let empty = cache.rules().store(level as u8, Vec::new());
             cache.levels.push(Level { irradiance: Arc::new(empty), radiance: None });
@@ -50,7 +50,7 @@ impl Cache {
         }
         let scheme = Arc::new(self.scheme.for_radiance());
         let count = usize::from(scheme.levels);
-        self.projector = Some(Arc::new(Projector::new(scheme, self.scene_size)));
+        self.projector = Some(Arc::new(Projector::new(scheme)));
         let rules = self.radiance_rules().expect("there is a projector now");
         let empty = |k: usize| Some(Arc::new(rules.store(k as u8, Vec::new())));
         let empty: Vec<_> = (0..self.levels.len().min(count)).map(empty).collect();
@@ -63,9 +63,24 @@ impl Cache {
         &self.scheme
     }
 
-    /// Diagonal of the scene that radii are bounded by.
-    pub fn scene_size(&self) -> f32 {
-        self.scene_size
+    /// The length that radii and errors are relative to, 0 until there are points: the extent of
+    /// the first points that the cache was filled for ([`extent`](crate::cache::extent)).
+    pub fn extent(&self) -> f32 {
+        self.extent
+    }
+
+    /// The same cache with another extent, without its records.
+    #[must_use]
+    pub fn with_extent(mut self, extent: f32) -> Self {
+        self.extent = extent;
+        for level in 0..self.level_count() {
+            let empty = Arc::new(self.rules().store(level, Vec::new()));
+            let radiance = self.radiance_rules().map(|r| Arc::new(r.store(level, Vec::new())));
+            let level = &mut self.levels[usize::from(level)];
+            level.irradiance = empty;
+            level.radiance = level.radiance.take().and(radiance);
+        }
+        self
     }
 
     /// Number of levels, filled or not.
@@ -147,13 +162,13 @@ impl Cache {
 
     /// The rules of irradiance records.
     pub(in crate::cache) fn rules(&self) -> Rules<'_> {
-        Rules { scheme: &self.scheme, scene_size: self.scene_size }
+        Rules { scheme: &self.scheme, extent: self.extent }
     }
 
     /// The rules of radiance records.
     pub(in crate::cache) fn radiance_rules(&self) -> Option<Rules<'_>> {
         let projector = self.projector.as_ref()?;
-        Some(Rules { scheme: projector.scheme(), scene_size: self.scene_size })
+        Some(Rules { scheme: projector.scheme(), extent: self.extent })
     }
 
     /// How far the irradiance records of `level` are valid while it fills, smoothing left out.

@@ -9,27 +9,27 @@ use crate::geometry::SurfacePoint;
 use crate::math::{Color, Vec3};
 use std::sync::Arc;
 
-/// The scheme of one kind of records in a scene.
+/// The scheme of one kind of records, and the length that its radii are relative to.
 #[derive(Clone, Copy)]
 pub(in crate::cache) struct Rules<'a> {
     pub scheme: &'a Scheme,
-    pub scene_size: f32,
+    pub extent: f32,
 }
 
 impl Rules<'_> {
     /// How far records are valid while `level` fills.
     pub fn while_filling(&self, level: u8) -> RadiusRule {
-        RadiusRule::new(self.scheme, level, self.scene_size, 1.0)
+        RadiusRule::new(self.scheme, level, self.extent, 1.0)
     }
 
     /// How far records are valid once `level` is filled.
     pub fn when_filled(&self, level: u8) -> RadiusRule {
-        RadiusRule::new(self.scheme, level, self.scene_size, self.scheme.validity.smoothing)
+        RadiusRule::new(self.scheme, level, self.extent, self.scheme.validity.smoothing)
     }
 
     /// How far a record may lie in front of a point beside it.
     pub fn in_front(&self) -> f32 {
-        1e-4 * self.scene_size
+        1e-4 * self.extent
     }
 
     pub fn index<P: Payload>(&self, records: &[Record<P>], rule: RadiusRule) -> Index {

@@ -155,6 +155,14 @@ impl Live {
         });
     }
 
+    /// Gives an empty cache its extent, unless it has one.
+    pub(in crate::cache) fn settle(&self, extent: f32) {
+        self.0.update(|s| {
+            let cache = (s.cache.extent() == 0.0).then(|| s.cache.clone().with_extent(extent))?;
+            Some(Snapshot { cache, ..s.clone() })
+        });
+    }
+
     /// Adds late records that were made for `base`, unless another cache has taken its place or the
     /// cache is frozen.
     pub(in crate::cache) fn add(&self, base: &Snapshot, batch: Store<Irradiance>) {

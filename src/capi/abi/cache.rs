@@ -45,7 +45,8 @@ pub struct lumi_query {
     /// See `wo`.
     pub wo_stride: usize,
     /// One float per point: width of a pixel there, world units. Bounds the area of a record from
-    /// below. NULL: 0.002 times the scene's diagonal.
+    /// below. NULL: 0.002 times the extent of the
+    /// first points that the cache was built for.
     pub footprint: *const f32,
     /// Three floats per point: irradiance of indirect light, and of direct light where "contents"
     /// is "direct-and-indirect" and the scene is the library's. A diffuse surface reflects
@@ -160,6 +161,10 @@ pub struct lumi_render_desc {
     /// Width of the camera's picture over its height, for orthographic cameras; 0: that of the
     /// pixels.
     pub aspect: f32,
+    /// Near plane: the camera sees nothing that is nearer to it along its -z.
+    pub near_plane: f32,
+    /// Far plane: the camera sees nothing that is farther away; 0: everything.
+    pub far_plane: f32,
 }
 
 /// A layer of a picture: its name in EXR files, "" for the beauty, and where its samples go.

@@ -57,8 +57,8 @@ fn scene() -> Scene {
             direction: Vec3::NEG_Y,
             intensity: Color::splat(3.0),
             range: f32::INFINITY,
-            cos_inner: 0.9,
-            cos_outer: 0.5,
+            inner: 0.1,
+            outer: 0.5,
         },
         PunctualLight::Directional {
             direction: Vec3::new(0.0, -0.6, -0.8),
@@ -91,6 +91,7 @@ fn densities_are_those_of_the_paths_and_weights_sum_to_one() {
         projection: Projection::Perspective { yfov: 0.9 },
         aspect: None,
         to_world: Affine3A::from_translation(Vec3::new(0.0, 0.0, 3.2)),
+        clip: Camera::NO_CLIP,
     };
     let size = [16, 16];
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };

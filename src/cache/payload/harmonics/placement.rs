@@ -137,12 +137,12 @@ impl Surroundings {
 /// The lengths R_i of a record: its radii where the allowed error is 1. `scale` is what takes
 /// lengths to radii, for the bound on the gradient.
 pub(super) fn shape(
-    scheme: &Scheme, response: &Response, surroundings: &Surroundings, frame: &Frame,
-    scene_size: f32, scale: f32,
+    scheme: &Scheme, response: &Response, surroundings: &Surroundings, frame: &Frame, extent: f32,
+    scale: f32,
 ) -> Area {
     let norm = response.norm().max(FLOOR * surroundings.incident);
     let inverse = if norm > 0.0 { 1.0 / norm } else { 0.0 };
-    let curvature = Curvature { scheme, size: f64::from(scene_size), e: 1.0, frame };
+    let curvature = Curvature { scheme, size: f64::from(extent), e: 1.0, frame };
     let slopes = inverse * inverse * response.slopes();
     let shape = match scheme.glossy().metric {
         GlossyMetric::First(_) => first_order(&curvature, slopes, surroundings.slope),

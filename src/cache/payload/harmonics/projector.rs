@@ -25,7 +25,6 @@ use std::sync::{Arc, OnceLock};
 /// records says.
 pub struct Projector {
     scheme: Arc<Scheme>,
-    scene_size: f32,
     /// The bases of orders 1, 2, ...
     bases: Vec<Box<dyn Basis>>,
     rotation: OnceLock<Rotation>,
@@ -139,7 +138,7 @@ impl Projection<'_> {
         &self, record: &mut Record<P>, incident: Response, surroundings: &Surroundings,
         frame: &Frame, at: &SurfacePoint, rule: &RadiusRule,
     ) {
-        let (scheme, size) = (&self.projector.scheme, self.projector.scene_size);
+        let (scheme, size) = (&self.projector.scheme, rule.extent());
         let response = incident.placed(scheme.glossy().metric.placement(), self.reflector, at);
         record.reshape(shape(scheme, &response, surroundings, frame, size, rule.scale()));
     }
@@ -147,12 +146,12 @@ impl Projection<'_> {
 
 impl Projector {
     /// The projector of radiance records under `scheme`, which is the scheme
-    /// [of radiance records](Scheme::for_radiance), in a scene whose diagonal is `scene_size`.
-    pub(in crate::cache) fn new(scheme: Arc<Scheme>, scene_size: f32) -> Self {
+    /// [of radiance records](Scheme::for_radiance).
+    pub(in crate::cache) fn new(scheme: Arc<Scheme>) -> Self {
         let order = usize::from(scheme.glossy().order);
         let bases: Vec<_> = (1..=order).map(|n| scheme.glossy().basis.kind().basis(n)).collect();
         let cosine = cosine(bases[order - 1].as_ref());
-        Self { scheme, scene_size, bases, rotation: OnceLock::new(), cosine }
+        Self { scheme, bases, rotation: OnceLock::new(), cosine }
     }
 
     /// The scheme of radiance records.
