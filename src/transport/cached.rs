@@ -7,7 +7,7 @@ use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Behind, Cache};
-use crate::gather::LobeCoefficients;
+use crate::gather::{Deeper, LobeCoefficients};
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
 use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler};
@@ -277,7 +277,7 @@ impl<'a> CachedIntegrator<'a> {
 
     /// Where the paths that go on from visible surfaces may end.
     fn indirect(&self) -> IndirectLight<'_> {
-        IndirectLight { records: &self.behind, lobes: self.lobes }
+        IndirectLight { lobes: self.lobes, ..(&self.behind as &dyn Deeper).into() }
     }
 
     /// The level that a surface behind `bounces` mirrors is looked up on.

@@ -3,9 +3,11 @@
 
 mod direct;
 mod vertex;
+mod bright;
 mod lobes;
 mod path;
 mod bdpt;
+mod find_bright;
 mod hit_change;
 mod outgoing;
 mod points;

@@ -5,7 +5,7 @@ use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;
-use crate::gather::LobeCoefficients;
+use crate::gather::{Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
 use crate::math::Color;
@@ -53,7 +53,7 @@ impl PathTracer<'_> {
             }
         }
         let behind = cache.behind(0);
-        let indirect = IndirectLight { records: &behind, lobes };
+        let indirect = IndirectLight { lobes, ..(&behind as &dyn Deeper).into() };
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);

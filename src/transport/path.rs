@@ -1,5 +1,6 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
+use super::bright::Cones;
 use super::vertex::{Aim, Vertex};
 use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
@@ -252,6 +253,12 @@ impl PathTracer<'_> {
             None => (Reflected::default(), Sampled::Everything),
         };
         let light = self.light(v, sampler, sampled);
+        let guide = indirect
+            .filter(|_| sampled == Sampled::Everything && v.bsdf.has_diffuse())
+            .and_then(|i| i.bright?.seen_from(v.point.position, v.origin().facing));
+        if let Some(cones) = guide {
+            return Step { cached, light, next: self.scatter_guided(v, sampler, &cones), sampled };
+        }
         let mut next = self.scatter(v, sampler, sampled);
         // Where a cache was asked, the path is one of very many that are averaged, and the rest of
         // it costs more than what it has brought so far. A faint gloss on top of cached
@@ -335,6 +342,36 @@ impl PathTracer<'_> {
             _ => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
+    }
+
+    /// As [`PathTracer::scatter`] by all lobes, or in half of all cases into a direction of `cones`,
+    /// as often as the surface reflects.
+    fn scatter_guided(
+        &self, v: &Vertex, sampler: &mut Sampler, cones: &Cones,
+    ) -> Option<(BsdfSample, Ray)> {
+        let (choice, u) = (2.0 * sampler.next_1d(), sampler.next_2d());
+        let wo = v.point.frame.to_local(v.point.wo);
+        let albedo = v.bsdf.albedo(wo).max_element().min(1.0);
+        if sampler.next_1d() >= albedo {
+            return None;
+        }
+        let mut sample = if choice < 1.0 {
+            v.bsdf.sample(wo, choice, u)?
+        } else {
+            let wi = v.point.frame.to_local(cones.sample(choice - 1.0, u));
+            let (f, pdf) = v.bsdf.f_pdf(wo, wi);
+            let weight = f * (wi.z.abs() / pdf.max(f32::MIN_POSITIVE));
+            let transmitted = wi.z * wo.z < 0.0;
+            BsdfSample { wi, weight, pdf, lobe: Lobe::Diffuse, transmitted, eta: 1.0 }
+        };
+        // The sample keeps the density of the lobes, with which light samples are weighed.
+        if sample.lobe == Lobe::Delta {
+            sample.weight *= 2.0 / albedo;
+        } else {
+            let other = cones.density(v.point.frame.to_world(sample.wi));
+            sample.weight *= 2.0 * sample.pdf / (sample.pdf + other) / albedo;
+        }
+        self.leave(v, sample)
     }
 
     fn leave(&self, v: &Vertex, sample: BsdfSample) -> Option<(BsdfSample, Ray)> {

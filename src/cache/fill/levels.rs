@@ -28,6 +28,11 @@ pub trait World: Sync {
     /// What gathers trace.
     fn probe(&self) -> &dyn RadianceProbe;
 
+    /// `points` are those on the first level that a fill is about to serve.
+    fn prepare(&self, points: &[SurfacePoint], seed: u64) {
+        let _ = (points, seed);
+    }
+
     /// The surface points of `level` that `count` rays from `before` meet, with the order that
     /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
     /// has a radiance cache. Their footprint is for the caller to set.
@@ -117,7 +122,9 @@ impl Cache {
             // Light without bounces has nothing to cache.
             return Ok(births);
         }
-        self.settle(&points.iter().map(|p| p.point).collect::<Vec<_>>());
+        let places: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
+        self.settle(&places);
+        world.prepare(&places, plan.seed);
         let mut levels = vec![points.to_vec()];
         for level in 1..count {
             let next = self.next_points(world, level, &levels[usize::from(level) - 1], plan);

@@ -25,6 +25,11 @@ pub(super) trait Follower {
     fn leave(&mut self, delta: bool, pane: bool, back: f32) {
         let _ = (delta, pane, back);
     }
+
+    /// The walk may end.
+    fn is_done(&self) -> bool {
+        false
+    }
 }
 
 /// Walk number `number` of those of `seed` from a light of `emission`, over at most `most`
@@ -69,7 +74,8 @@ pub(super) fn walk_from_light(
         }
         let vertex = Vertex::new(scene, raw, beta, 0.0);
         follower.arrive(vertex, density, ray.dir);
-        if count + 1 >= most + panes && !scene.is_pane(vertex.point.material) {
+        let at_end = count + 1 >= most + panes && !scene.is_pane(vertex.point.material);
+        if at_end || follower.is_done() {
             return;
         }
         if count >= ROULETTE_AFTER as usize {
