@@ -3,6 +3,7 @@
 use super::bdpt::FirstHits;
 use super::bright::{Bright, Patch};
 use super::path::PathTracer;
+use crate::cache::extent;
 use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::Vec3;
 use crate::sampling::{hash, stream};
@@ -25,6 +26,8 @@ const MARGIN: f32 = 1.05;
 const HALO: f32 = 3.0;
 /// ... as if the cluster reflected this share of its light from there.
 const HALO_SHARE: f32 = 0.2;
+/// Radius of the smallest ball as a share of the extent of what is lit.
+const SMALLEST: f32 = 1e-5;
 /// Points from which the clusters are looked at.
 const VIEWPOINTS: usize = 64;
 /// Rays of a gather for which noise is reckoned.
@@ -69,7 +72,8 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
             break;
         }
     }
-    let mut patches = clusters(&mut found, 1e-5 * tracer.scene.size());
+    let extent = extent(points.len(), |i| points[i].position);
+    let mut patches = clusters(&mut found, SMALLEST * extent.unwrap_or(f32::MIN_POSITIVE));
     let needed = variances(&patches, points);
     let mut order: Vec<usize> = (0..patches.len()).filter(|&k| needed[k] > VARIANCE).collect();
     order.sort_by(|&a, &b| needed[b].total_cmp(&needed[a]));
