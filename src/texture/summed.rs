@@ -263,7 +263,8 @@ mod tests {
         }
         for (x, y) in (-4..8).flat_map(|x| (-2..5).map(move |y| (x, y))) {
             let share = counts.get(&(x, y)).copied().unwrap_or(0.0);
-            // A column is off by two points of the grid at most, of which its cells have their part.
+            // A column is off by two points of the grid at most, of which its cells have their
+            // part.
             assert!((share - at(x, y) / total).abs() < 1e-3, "{x} {y}: {share}");
         }
     }

@@ -344,8 +344,8 @@ impl PathTracer<'_> {
         self.leave(v, sample?)
     }
 
-    /// As [`PathTracer::scatter`] by all lobes, or in half of all cases into a direction of `cones`,
-    /// as often as the surface reflects.
+    /// As [`PathTracer::scatter`] by all lobes, or in half of all cases into a direction of
+    /// `cones`, as often as the surface reflects.
     fn scatter_guided(
         &self, v: &Vertex, sampler: &mut Sampler, cones: &Cones,
     ) -> Option<(BsdfSample, Ray)> {

@@ -99,8 +99,8 @@ fn room(spots: &[[f32; 2]], glowing: bool) -> SceneData {
     file.load()
 }
 
-/// The light that gathers find is right within 2 %: seen with records so close together that what is
-/// between them matters little. The default has no blotches either.
+/// The light that gathers find is right within 2 %: seen with records so close together that what
+/// is between them matters little. The default has no blotches either.
 fn assert_without_blotches(name: &str, lit: &Scene, truth: &Picture) {
     for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.02, 0.01)] {
         let settings = cached(lit, "auto", SIZE, 16);

@@ -272,8 +272,8 @@ fn narrow_spots_have_their_intensity_on_the_axis() {
 }
 
 /// Files of the extra test data with their right means over rows and columns of the picture. The
-/// small screen's is that of its 36 glowing texels, each taken as a point, within 1.5 %; the patch's
-/// is that of the same lamp as geometry.
+/// small screen's is that of its 36 glowing texels, each taken as a point, within 1.5 %; the
+/// patch's is that of the same lamp as geometry.
 #[test]
 fn files_that_lost_or_invented_light_have_their_right_values() {
     for (name, right, rows, columns) in [
