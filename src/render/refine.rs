@@ -93,7 +93,7 @@ mod tests {
         let mut sample = || {
             numbers += 1;
             let mut shaded = Shaded::default();
-            let found = hash(&[numbers]) % 100 == 0;
+            let found = hash(&[numbers]).is_multiple_of(100);
             shaded.radiance.diffuse_direct = Color::splat(if found { 100.0 } else { 0.0 });
             shaded
         };

@@ -248,9 +248,8 @@ impl<'a> Surfaces<'a> {
         };
         let size = area(&corners);
         let mut pattern = None;
-        let mut mean = if table.shared.is_none() {
-            color(&whole)
-        } else if !corners.iter().all(|c| c.abs().max_element() < FAR) {
+        let near = corners.iter().all(|c| c.abs().max_element() < FAR);
+        let mut mean = if table.shared.is_none() || !near {
             color(&whole)
         } else if longest <= FEW || size < THIN * longest {
             let side = (4.0 * longest).ceil().clamp(2.0, 128.0) as usize;
