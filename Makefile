@@ -16,8 +16,12 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 FFI_TESTS := accel:: imagefile::
 IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 
+# Pure, and quick enough for an interpreter.
+MIRI_TESTS := basis:: gather:: hosted:: handles:: words:: progress::
+TSAN_TESTS := capi::hosted:: a_fill_from_many_threads references_are_counted
+
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz clean
+.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz miri tsan soak clean
 
 help: ## Lists the targets.
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
@@ -85,6 +89,15 @@ bench: build ## Compares the ray tracing back ends (SCENE=NAME picks another one
 
 bench-hot: setup ## Measures lookups, gathers, bundles and shading.
 	$(CARGO) bench --locked --bench hot
+
+miri: setup ## Runs the unit tests of what is pure in Miri (needs nightly Rust with miri and rust-src).
+	MIRIFLAGS=-Zmiri-disable-isolation $(CARGO) +nightly miri test --locked --no-default-features --target-dir target/miri --lib -- $(MIRI_TESTS)
+
+tsan: setup ## Runs the C library's tests of threads under ThreadSanitizer (needs nightly Rust with rust-src).
+	RUSTFLAGS=-Zsanitizer=thread $(CARGO) +nightly test --locked --no-default-features --target-dir target/tsan -Zbuild-std --target x86_64-unknown-linux-gnu --test integration -- $(TSAN_TESTS)
+
+soak: setup ## Queries from 8 threads while builds go on for TIME=1800 seconds; LIVES=1000 loads and releases; KILLS=200 kills.
+	SOAK=$(or $(TIME),1800) LIVES=$(or $(LIVES),1000) KILLS=$(or $(KILLS),200) .ci/cargo-test --test integration -- --nocapture soak:: a_kill_leaves
 
 fuzz: setup ## Feeds damaged files to all readers, TIME=60 seconds each (needs nightly Rust, cargo-fuzz).
 	fuzz/run $(or $(TIME),60)

@@ -1,5 +1,6 @@
 //! The one error type of the library.
 
+use std::fmt::{self, Display, Formatter, Write};
 use std::path::{Path, PathBuf};
 
 /// What every fallible function of the library returns.
@@ -11,7 +12,6 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub enum Error {
     /// A scene file breaks its specification; `path` is the JSON path of the offending value, such
     /// as `/meshes/0/primitives/1`.
-    #[error("{}: {}{what}", file.display(), at(path))]
     Scene {
         /// The scene file.
         file: PathBuf,
@@ -22,7 +22,6 @@ pub enum Error {
     },
     /// A file is sound but needs something that this program lacks; `what` names it and says what
     /// to do instead.
-    #[error("{}: {}{what}", file.display(), at(path))]
     Unsupported {
         /// The file.
         file: PathBuf,
@@ -32,7 +31,6 @@ pub enum Error {
         what: String,
     },
     /// An image file cannot be decoded or encoded.
-    #[error("{}: {what}", file.display())]
     Image {
         /// The image file.
         file: PathBuf,
@@ -40,16 +38,12 @@ pub enum Error {
         what: String,
     },
     /// An argument is outside its domain.
-    #[error("{0}")]
     InvalidArgument(String),
     /// The ray tracing device failed.
-    #[error("{0}")]
     Device(String),
-    /// The ray tracing device has no memory left.
-    #[error("{0}")]
+    /// There is no memory for what was asked.
     OutOfMemory(String),
     /// Reading or writing a file failed.
-    #[error("{}: {source}", file.display())]
     Io {
         /// The file.
         file: PathBuf,
@@ -57,7 +51,6 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A cache file is damaged, or no cache file at all.
-    #[error("{}: {what}", file.display())]
     Corrupt {
         /// The file.
         file: PathBuf,
@@ -65,7 +58,6 @@ pub enum Error {
         what: String,
     },
     /// A cache file is sound, but its records were made for another scene or under other settings.
-    #[error("{}: {what}", file.display())]
     Stale {
         /// The file.
         file: PathBuf,
@@ -73,15 +65,45 @@ pub enum Error {
         what: String,
     },
     /// A host's callback failed, or answered what cannot be.
-    #[error("{0}")]
     Host(String),
     /// The caller asked to stop.
-    #[error("cancelled")]
     Cancelled,
 }
 
-fn at(path: &str) -> String {
-    if path.is_empty() { String::new() } else { format!("{path}: ") }
+impl Display for Error {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let text = match self {
+            Self::Scene { file, path, what } | Self::Unsupported { file, path, what } => {
+                let colon = if path.is_empty() { "" } else { ": " };
+                format!("{}: {path}{colon}{what}", file.display())
+            }
+            Self::Image { file, what }
+            | Self::Corrupt { file, what }
+            | Self::Stale { file, what } => format!("{}: {what}", file.display()),
+            Self::Io { file, source } => format!("{}: {source}", file.display()),
+            Self::InvalidArgument(what)
+            | Self::Device(what)
+            | Self::OutOfMemory(what)
+            | Self::Host(what) => what.clone(),
+            Self::Cancelled => "cancelled".to_owned(),
+        };
+        f.write_str(&one_line(&text))
+    }
+}
+
+/// `text` as it may reach a terminal or a log: one line, whose control characters are escaped, and
+/// so are those that turn the direction of the text around them.
+pub fn one_line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}');
+        if c.is_control() || turns || matches!(c, '\u{2066}'..='\u{2069}') {
+            let _ = write!(line, "{}", c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
 }
 
 impl Error {
@@ -98,6 +120,11 @@ impl Error {
     /// A [`Error::Image`] for `file`.
     pub fn image(file: &Path, what: impl Into<String>) -> Self {
         Self::Image { file: file.to_owned(), what: what.into() }
+    }
+
+    /// A [`Error::OutOfMemory`] for `bytes` bytes that `what` needs.
+    pub fn memory(what: impl std::fmt::Display, bytes: u64) -> Self {
+        Self::OutOfMemory(format!("{what}: there is no memory for {bytes} bytes"))
     }
 
     /// Turns an I/O error on `file` into ours; for use with `map_err`.

@@ -75,8 +75,9 @@ mod pictures {
 mod import {
     mod conformance; // glTF files that must load
     mod ies; // measured luminaires
-    mod malformed; // files that must fail, cleanly
+    pub mod malformed; // files that must fail, cleanly
     mod meaning; // small glTF files made on the spot
+    mod rules; // those of the validator, one by one
     mod scenes; // our own scenes
 }
 
@@ -86,13 +87,14 @@ mod cases {
     mod bounces; // small bright spots light a room
     mod emitters; // textured lamps, lamps cut by alpha, narrow spots
     mod glass; // lights behind panes
-    mod lenient; // files that other programs read
+    pub mod lenient; // files that other programs read
     mod places; // far from the origin, tiny, huge, in the middle of a desert
     mod view; // flattened objects, clipping planes, bright pixels
 }
 
 /// What no input and no weather may break.
 mod weather {
+    mod extremes; // valid scenes with extreme numbers
     mod inputs; // files that ask for memory, work or other files
     mod outputs; // disks, devices, signals
     mod soak; // a process that does not grow

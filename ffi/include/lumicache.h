@@ -52,6 +52,12 @@
 // the flag, everything is copied at once.
 #define LUMI_VIEW_SHARED 1
 
+// Flag of a file: what breaks the glTF specification is an error, also where it could be mended.
+#define LUMI_LOAD_STRICT 1
+
+// Flag of a file: files outside its folder are read too, where the file names them.
+#define LUMI_LOAD_ALLOW_OUTSIDE 2
+
 // Flag of a material: emits from both faces.
 #define LUMI_MATERIAL_DOUBLE_SIDED 1
 
@@ -366,6 +372,17 @@ typedef struct lumi_trace_desc {
   float *albedo;
 } lumi_trace_desc;
 
+// How a file is read.
+typedef struct lumi_load_desc {
+  // sizeof(lumi_load_desc).
+  uint32_t struct_size;
+  // LUMI_LOAD_*.
+  uint32_t flags;
+  // Bytes that reading may take, beyond which it fails with LUMI_ERROR_OUT_OF_MEMORY; 0: 1 GiB
+  // and 64 times the size of the files.
+  uint64_t memory_limit;
+} lumi_load_desc;
+
 // See lumi_cache_new.
 typedef struct lumi_cache_s *lumi_cache;
 
@@ -497,6 +514,10 @@ typedef struct lumi_render_desc {
   // Width of the camera's picture over its height, for orthographic cameras; 0: that of the
   // pixels.
   float aspect;
+  // Near plane: the camera sees nothing that is nearer to it along its -z.
+  float near_plane;
+  // Far plane: the camera sees nothing that is farther away; 0: everything.
+  float far_plane;
 } lumi_render_desc;
 
 // A layer of a picture: its name in EXR files, "" for the beauty, and where its samples go.
@@ -624,13 +645,6 @@ LUMI_API void lumi_scene_retain(lumi_scene scene);
 // Threads: any.
 LUMI_API void lumi_scene_release(lumi_scene scene);
 
-// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty.
-//
-// `file`: the path, UTF-8.
-//
-// Threads: one per scene.
-LUMI_API lumi_error lumi_scene_load_gltf(lumi_scene scene, const char *file);
-
 // Adds a mesh and gives its number, from 0. lumi_scene_add_instance places the mesh.
 //
 // `id`: receives the number; may be NULL.
@@ -719,6 +733,24 @@ LUMI_API lumi_error lumi_scene_get_info(lumi_scene scene, struct lumi_scene_info
 //
 // Threads: any; the work is done on the calling thread.
 LUMI_API lumi_error lumi_scene_trace(lumi_scene scene, const struct lumi_trace_desc *rays);
+
+// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty. What
+// breaks the specification and does no harm is mended, with a warning when the scene is
+// committed. Only files inside the folder of the file are read. Reading takes at most 1 GiB and 64
+// times the size of the files.
+//
+// `file`: the path, UTF-8.
+//
+// Threads: one per scene.
+LUMI_API lumi_error lumi_scene_load_gltf(lumi_scene scene, const char *file);
+
+// As lumi_scene_load_gltf, with what `desc` says.
+//
+// Threads: one per scene.
+LUMI_API
+lumi_error lumi_scene_load_gltf_with(lumi_scene scene,
+                                     const char *file,
+                                     const struct lumi_load_desc *desc);
 
 // Makes an empty cache for a committed scene; the caller owns a reference to it.
 //

@@ -31,6 +31,9 @@ const BOUNDS: [(&str, &str); 3] =
 /// records depends little on them.
 const ROUGH: u32 = 8;
 const ROUGH_RAYS: u32 = 256;
+/// What [`run`] writes beside pictures.
+pub const FILES: [&str; 5] =
+    ["reference.exr", "reference.png", "report.json", "report.csv", "index.html"];
 /// Attributes of a reference file: its own relMSE and RMSE.
 const NOISE: [&str; 2] = ["noise", "noise_rmse"];
 
@@ -269,6 +272,6 @@ impl Stage<'_> {
 
     fn picture(&self, path: &Path, pixels: &[Color], exposure: f32) -> Result<()> {
         let [width, height] = self.settings.size;
-        ldr::write_png(path, width, height, &ldr::to_srgb8(pixels, exposure))
+        ldr::write(path, width, height, &ldr::to_srgb8(pixels, exposure))
     }
 }

@@ -35,6 +35,9 @@ pub struct Camera {
     pub aspect: Option<f32>,
     /// Camera to world, scale already removed.
     pub to_world: Affine3A,
+    /// Near and far plane: distances along the view axis. The camera sees what lies between them;
+    /// light goes everywhere.
+    pub clip: [f32; 2],
 }
 
 /// A camera ray.
@@ -49,6 +52,8 @@ pub struct CameraRay {
     pub pixel_offset: f32,
     /// See `pixel_offset`; radians.
     pub pixel_angle: f32,
+    /// Distances along the ray between which the camera sees.
+    pub range: [f32; 2],
 }
 
 /// A point as a camera sees it.
@@ -60,6 +65,8 @@ pub struct CameraView {
     pub to_camera: Vec3,
     /// Distance from the point to the camera.
     pub distance: f32,
+    /// Distance from the point to the camera's near plane, in the same direction.
+    pub clear: f32,
     /// Pixels per unit area of a surface at the point that lies across `to_camera`: the importance
     /// of the point. A pixel is the mean of the radiance over its square of the image, so this
     /// is also the density of camera samples that are uniform in the image, times its number of
@@ -68,6 +75,9 @@ pub struct CameraView {
 }
 
 impl Camera {
+    /// A camera without near and far plane.
+    pub const NO_CLIP: [f32; 2] = [0.0, f32::INFINITY];
+
     /// The camera moved by `by`.
     #[must_use]
     pub fn shifted(mut self, by: DVec3) -> Self {
@@ -107,7 +117,8 @@ impl Camera {
     }
 
     /// How the camera sees `point` in an image of `size` pixels, the inverse of [`Camera::ray`];
-    /// `None` for a point that is not in front of it. The point may lie outside the image.
+    /// `None` for a point that is not between its near and its far plane. The point may lie outside
+    /// the image.
     ///
     /// ```text
     /// pixels per area = h² / (4 tan²(yfov/2) cos³θ d²)   perspective
@@ -121,7 +132,8 @@ impl Camera {
         let offset = point - Vec3::from(self.to_world.translation);
         let local = Vec3::from(axes.transpose() * glam::Vec3A::from(offset));
         let depth = -local.z;
-        if depth.is_nan() || depth <= 0.0 {
+        let [near, far] = self.clip;
+        if depth.is_nan() || depth <= near.max(0.0) || depth > far {
             return None;
         }
         let (x, y, to_camera, distance, pixels_per_area) = match self.projection {
@@ -152,6 +164,7 @@ impl Camera {
             raster,
             to_camera,
             distance,
+            clear: distance * (1.0 - near / depth),
             pixels_per_area,
         })
     }
@@ -170,17 +183,20 @@ impl Camera {
                 let local = Vec3::new(x * tan * w / h, y * tan, -1.0);
                 let dir = self.to_world.transform_vector3(local).normalize();
                 let pixel_angle = 2.0 * tan / h / local.length_squared();
+                let range = self.clip.map(|depth| depth * local.length());
                 CameraRay {
                     origin: self.to_world.translation.into(),
                     dir,
                     pixel_offset: 0.0,
                     pixel_angle,
+                    range,
                 }
             }
             Projection::Orthographic { xmag, ymag } => {
                 let origin = self.to_world.transform_point3(Vec3::new(x * xmag, y * ymag, 0.0));
                 let dir = self.to_world.transform_vector3(Vec3::NEG_Z).normalize();
-                CameraRay { origin, dir, pixel_offset: 2.0 * ymag / h, pixel_angle: 0.0 }
+                let pixel_offset = 2.0 * ymag / h;
+                CameraRay { origin, dir, pixel_offset, pixel_angle: 0.0, range: self.clip }
             }
         }
     }

@@ -8,6 +8,7 @@ use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
 use crate::cache::{self, Cache, Live, Preset, Scheme, VIEWED, settings};
+use crate::ffi::mxcsr::as_caller;
 use crate::gather::RadianceProbe;
 use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
@@ -184,9 +185,9 @@ impl CacheObject {
         let phase = CString::new(snapshot.phase.name()).unwrap_or_default();
         // SAFETY: the host has given a function of this type and a pointer for it; the text lives
         // during the call. No lock is held.
-        let stop = unsafe {
+        let stop = as_caller(|| unsafe {
             callback(std::ptr::with_exposed_provenance_mut(user), fraction, phase.as_ptr())
-        };
+        });
         if stop != 0 {
             progress.cancel();
         }

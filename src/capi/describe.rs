@@ -32,7 +32,8 @@ fn unit(v: Vec3, what: &str) -> Outcome<Vec3> {
     finite(v, what)?.try_normalize().ok_or_else(|| Fault::argument(format!("{what} is zero")))
 }
 
-fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
+/// `value`, which must lie between `low` and `high`.
+pub(super) fn in_range(value: f32, low: f32, high: f32, what: &str) -> Outcome<f32> {
     let inside = (low..=high).contains(&value);
     ensure!(inside, "{what} is {value}, expected {low} to {high}");
     Ok(value)

@@ -7,7 +7,7 @@ use super::status::{
     guard_void, lumi_error, lumi_log_fn,
 };
 use crate::accel::{Accel, Backend};
-use crate::error::Error;
+use crate::error::{Error, one_line};
 use crate::ffi::mxcsr;
 use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
@@ -41,12 +41,11 @@ impl Kind for DeviceObject {
 
 impl DeviceObject {
     pub fn warn(&self, message: &str) {
-        self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, message);
+        self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, &one_line(message));
     }
 }
 
-/// A pool whose threads flush denormals, as the tracer wants; the host's own threads are not
-/// touched.
+/// A pool whose threads round to the nearest and flush denormals, as the tracer wants.
 pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadPool> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -6,6 +6,7 @@ use super::abi::{
 };
 use super::status::{Fault, Outcome};
 use crate::error::{Error, Result};
+use crate::ffi::mxcsr::as_caller;
 use crate::geometry::Aabb;
 use crate::hosted::{Batch, Description, Host};
 use std::ffi::c_void;
@@ -42,7 +43,7 @@ impl Callback {
         // SAFETY: the arrays have n elements and live during the call; the host has promised to
         // fill no more than that. A failing host unwinds no further than this `extern "C"`
         // call.
-        let code = unsafe { (self.trace)(self.user, &raw mut desc) };
+        let code = as_caller(|| unsafe { (self.trace)(self.user, &raw mut desc) });
         if code != 0 {
             return Err(Error::Host(format!("the host's tracer stopped with code {code}")));
         }

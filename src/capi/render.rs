@@ -5,7 +5,7 @@ use super::abi::{
     only, read, text,
 };
 use super::cache::CacheObject;
-use super::describe;
+use super::describe::{self, in_range};
 use super::handles::borrow;
 use super::status::{Fault, Outcome, ensure, guard, lumi_error};
 use crate::camera::{Camera, Projection};
@@ -31,7 +31,10 @@ fn camera(desc: &lumi_render_desc) -> Outcome<Camera> {
         Projection::Perspective { yfov }
     };
     let to_world = describe::transform(&desc.camera, "render: camera")?;
-    Ok(Camera { name: "host".into(), projection, aspect: None, to_world })
+    let near = in_range(desc.near_plane, 0.0, f32::MAX, "render: near_plane")?;
+    let far = if desc.far_plane == 0.0 { f32::INFINITY } else { desc.far_plane };
+    ensure!(far > near, "render: far_plane is {far}, and near_plane is {near}");
+    Ok(Camera { name: "host".into(), projection, aspect: None, to_world, clip: [near, far] })
 }
 
 /// The layers that the host wants, and their room.

@@ -3,7 +3,7 @@
 use super::abi::{
     Input, LUMI_VIEW_SHARED, Output, copy_text, lumi_device, lumi_host_desc, lumi_light_desc,
     lumi_material_desc, lumi_mesh_desc, lumi_scene, lumi_scene_info, lumi_scene_s,
-    lumi_texture_desc, lumi_trace_desc, path, read, write,
+    lumi_texture_desc, lumi_trace_desc, read, write,
 };
 use super::describe;
 use super::device::DeviceObject;
@@ -13,7 +13,6 @@ use super::status::{Fault, Outcome, Touched, ensure, guard, guard_void, lock, lu
 use crate::accel::Ray;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::hosted::Host;
-use crate::import::{self, ImportOptions};
 use crate::math::{Affine3A, Vec3};
 use crate::scene::{Scene, SceneData};
 use glam::DVec3;
@@ -80,9 +79,9 @@ unsafe impl Send for Described {}
 
 /// A scene while it is described.
 #[derive(Default)]
-struct Draft {
+pub(super) struct Draft {
     /// What a file brought, and materials, textures and lights.
-    data: SceneData,
+    pub data: SceneData,
     meshes: Vec<Described>,
     /// Mesh and placement.
     instances: Vec<(u32, Affine3A)>,
@@ -91,7 +90,7 @@ struct Draft {
 
 impl Draft {
     /// True without meshes, materials and textures.
-    fn is_bare(&self) -> bool {
+    pub fn is_bare(&self) -> bool {
         self.meshes.is_empty()
             && self.data.geometry.meshes.is_empty()
             && self.data.materials.is_empty()
@@ -132,7 +131,7 @@ impl SceneObject {
     }
 
     /// The draft of a scene of our own.
-    fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
+    pub fn draft(&self) -> Outcome<MutexGuard<'_, Draft>> {
         let draft = lock(&self.draft);
         let open = self.committed.get().is_none();
         state(open, "the scene is committed: it cannot change any more")?;
@@ -223,30 +222,6 @@ pub unsafe extern "C" fn lumi_scene_retain(scene: lumi_scene) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lumi_scene_release(scene: lumi_scene) {
     guard_void("lumi_scene_release", || release::<SceneObject>(scene));
-}
-
-/// Reads everything of a glTF 2.0 file (.gltf, .glb) into the scene, which must be empty.
-///
-/// `file`: the path, UTF-8.
-///
-/// Threads: one per scene.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lumi_scene_load_gltf(
-    scene: lumi_scene, file: *const c_char,
-) -> lumi_error {
-    guard("lumi_scene_load_gltf", || {
-        let (scene, file) = (borrow::<SceneObject>(scene)?, path(file)?);
-        let mut draft = scene.draft()?;
-        state(draft.is_bare(), "the scene is not empty: read the file before anything else")?;
-        let device = &scene.device;
-        let read = || import::gltf(file, &ImportOptions::default());
-        let mut data = device.pool.install(read)?;
-        draft.data.punctual.iter_mut().for_each(|light| light.shift(-data.origin));
-        data.punctual.append(&mut draft.data.punctual);
-        data.environment = draft.data.environment.take().or(data.environment);
-        draft.data = data;
-        Ok(())
-    })
 }
 
 /// Changes the draft of a scene that is not committed.

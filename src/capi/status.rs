@@ -2,6 +2,7 @@
 //! goes.
 
 use crate::error::Error;
+use crate::ffi::mxcsr::{self, as_caller};
 use std::cell::RefCell;
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -135,9 +136,9 @@ impl Log {
             let text = c_string(message);
             // SAFETY: the host has given a function of this type and a pointer for it; the text
             // ends in NUL and lives during the call. No lock is held.
-            unsafe {
+            as_caller(|| unsafe {
                 callback(std::ptr::with_exposed_provenance_mut(user), severity, code, text.as_ptr())
-            };
+            });
         }
     }
 }
@@ -188,8 +189,9 @@ pub(super) fn touch(what: Touched) {
 }
 
 /// Runs the inside of an exported function: no panic leaves it, and its failure becomes the
-/// thread's.
+/// thread's. The host's floating point mode waits outside.
 pub(super) fn guard(name: &'static str, inside: impl FnOnce() -> Outcome) -> lumi_error {
+    let _mode = mxcsr::Own::enter();
     // A callback of the host may call the library again: the outer call's list waits meanwhile.
     let outer = thread(|t| std::mem::take(&mut t.touched));
     let outcome = catch_unwind(AssertUnwindSafe(inside));

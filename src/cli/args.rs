@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lumicache::accel::Backend;
+use lumicache::import::ImportOptions;
 use lumicache::render::Frames;
 use std::path::PathBuf;
 
@@ -38,6 +39,8 @@ pub enum Command {
     Info {
         /// The scene, .gltf or .glb.
         scene: PathBuf,
+        #[command(flatten)]
+        input: Input,
     },
     /// Look into cache files, and join them.
     Cache {
@@ -114,10 +117,57 @@ pub enum Bench {
     Accel(BenchAccel),
 }
 
+/// How files are read.
+#[derive(Args)]
+pub struct Input {
+    /// Refuse what breaks the glTF specification, also where it could be mended.
+    #[arg(long)]
+    pub strict: bool,
+    /// Read files outside the scene's folder too, where the scene names them.
+    #[arg(long)]
+    pub allow_outside: bool,
+    /// Memory that reading a scene or an environment may take, in bytes or with K, M, G or T; by
+    /// default 1G and 64 times the size of its files.
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub memory_limit: Option<u64>,
+    /// Show what is nearer than the camera's near plane and farther than its far plane too.
+    #[arg(long)]
+    pub no_clip: bool,
+}
+
+impl Input {
+    pub fn options(&self) -> ImportOptions {
+        ImportOptions {
+            strict: self.strict,
+            allow_outside: self.allow_outside,
+            memory_limit: self.memory_limit,
+            no_clip: self.no_clip,
+            ..ImportOptions::default()
+        }
+    }
+}
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let unit = match &text[digits.len()..] {
+        "" => 0,
+        "K" | "k" => 10,
+        "M" => 20,
+        "G" => 30,
+        "T" => 40,
+        _ => return Err("expected bytes, or a number with K, M, G or T".into()),
+    };
+    let number: Result<u64, _> = digits.parse();
+    let bytes = number.ok().and_then(|n| n.checked_mul(1 << unit)).filter(|n| *n > 0);
+    bytes.ok_or_else(|| "expected a number of bytes above 0, such as 8G".into())
+}
+
 #[derive(Args)]
 pub struct BenchAccel {
     /// The scene, .gltf or .glb.
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub input: Input,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -130,6 +180,8 @@ pub struct BenchAccel {
 pub struct Report {
     /// The scene, .gltf or .glb.
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub input: Input,
     /// Folder for report.json, report.csv, index.html and the pictures; it is made if it is
     /// missing.
     #[arg(short, long, value_name = "DIR")]
@@ -187,7 +239,7 @@ pub struct Compare {
     #[arg(long)]
     pub json: bool,
     /// Write a picture of the FLIP error.
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png|.jpg")]
     pub flip: Option<PathBuf>,
     /// Compare the layer NAME.R, NAME.G, NAME.B of both files instead of R, G, B.
     #[arg(long, value_name = "NAME")]
@@ -217,6 +269,8 @@ pub enum LightUnitsName {
 pub struct Render {
     /// The scene, .gltf or .glb.
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub input: Input,
     /// Output file; by default the scene's name with .exr in the current folder.
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
@@ -308,8 +362,12 @@ pub struct Render {
     /// Layers beside the beauty: none, basic, all, or names.
     #[arg(long, value_name = "LIST", default_value = "basic")]
     pub aov: String,
+    /// Write 32-bit floats in all layers; by default colours are 16-bit floats, but for layers
+    /// that are brighter than 65504 somewhere.
+    #[arg(long)]
+    pub float: bool,
     /// Write an 8-bit sRGB picture too.
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png|.jpg")]
     pub preview: Option<PathBuf>,
     /// Exposure of the preview, in stops.
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]

@@ -5,7 +5,7 @@ use super::terminal::{in_file, print, print_line};
 use lumicache::accel::Ray;
 use lumicache::bench::accel as bench;
 use lumicache::error::{Error, Result};
-use lumicache::import::{self, ImportOptions};
+use lumicache::import;
 use lumicache::math::Vec2;
 use lumicache::render::camera_number;
 
@@ -16,7 +16,7 @@ pub fn run(command: &Bench) -> Result<()> {
 }
 
 fn accel(arguments: &BenchAccel) -> Result<()> {
-    let data = import::gltf(&arguments.scene, &ImportOptions::default())?;
+    let data = import::gltf(&arguments.scene, &arguments.input.options())?;
     let number = match &arguments.camera {
         Some(name) => camera_number(&data.cameras, name).map_err(in_file(&arguments.scene))?,
         None => 0,

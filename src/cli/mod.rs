@@ -20,11 +20,12 @@ use std::process::ExitCode;
 
 /// Parses the arguments and runs the command: 0 done, 1 failed, 2 wrong usage, 130 cancelled.
 pub fn main() -> ExitCode {
+    terminal::survive_size_limits();
     match run(Arguments::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Error::Cancelled) => ExitCode::from(130),
         Err(error) => {
-            eprintln!("lumicache: {error}");
+            terminal::tell(&error.to_string());
             ExitCode::FAILURE
         }
     }
@@ -37,7 +38,7 @@ fn run(command: Command) -> Result<()> {
         Command::Presets { settings: true, .. } => terminal::print(settings_page().as_bytes()),
         Command::Presets { name, all, json, .. } => presets::run(name.as_deref(), all, json),
         Command::Compare(arguments) => compare::run(&arguments),
-        Command::Info { scene } => info::run(&scene),
+        Command::Info { scene, input } => info::run(&scene, &input),
         Command::Cache { what } => cache::run(&what),
         Command::Bench { what } => bench::run(&what),
         Command::Completions { shell } => manual::completions(shell),

@@ -25,13 +25,14 @@ pub fn run(name: Option<&str>, all: bool, as_json: bool) -> Result<()> {
     print(PRESETS.iter().map(row).collect::<String>().as_bytes())
 }
 
+/// True if `name` is that of a file.
+pub fn is_file(name: &str) -> bool {
+    name.ends_with(".toml")
+}
+
 /// The preset with this name, or of this file if it ends in `.toml`.
 pub fn preset(name: &str) -> Result<Preset> {
-    if name.ends_with(".toml") {
-        Preset::from_file(Path::new(name))
-    } else {
-        Preset::by_name(name).cloned()
-    }
+    if is_file(name) { Preset::from_file(Path::new(name)) } else { Preset::by_name(name).cloned() }
 }
 
 /// The setting and its value that `--set` gives.

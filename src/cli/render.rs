@@ -1,31 +1,36 @@
 //! `lumicache render`.
 
 use super::args::{IntegratorName, LightUnitsName, Render};
-use super::presets::{pair, preset};
+use super::info::BENT_LIGHT;
+use super::presets::{is_file, pair, preset};
 use super::tables::tables;
-use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
+use super::terminal::{in_file, on_threads, parse_size, print, thread_count, warn};
 use lumicache::accel::Backend;
 use lumicache::cache::Scheme;
 use lumicache::error::{Error, Result};
 use lumicache::film::Film;
 use lumicache::fsutil;
+use lumicache::imagefile::{check_extension, exr, ldr};
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::viewer::{Display, Tile};
 use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
 use lumicache::scene::Scene;
+use lumicache::transport::glass_bends_light;
 use serde_json::Value;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 pub fn run(arguments: &Render) -> Result<()> {
+    fsutil::remember_what_is_read();
     // Everything that can be known to be wrong is found before the work starts.
     let request = Request::new(arguments)?;
     let threads = thread_count(arguments.threads)?;
     let end = on_threads(threads, arguments.quiet, |progress| request.render(progress))?;
     if !arguments.quiet {
         print(end.table.as_bytes())?;
-        end.warnings.iter().for_each(|w| eprintln!("lumicache: warning: {w}"));
+        end.warnings.iter().for_each(|w| warn(w));
     }
     if end.cancelled { Err(Error::Cancelled) } else { Ok(()) }
 }
@@ -39,6 +44,8 @@ struct Request<'a> {
     sky: Option<(EnvironmentMap, Option<PunctualLight>)>,
     backend: Backend,
     output: PathBuf,
+    /// Everything that will be written; of a sequence the first frame.
+    outputs: Vec<PathBuf>,
     size: Option<[u32; 2]>,
     window: Option<[u32; 4]>,
 }
@@ -65,16 +72,13 @@ impl<'a> Request<'a> {
             .transpose()?;
         let backend: Backend = arguments.backend.parse()?;
         let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-        let numbered = |path: &PathBuf| match &arguments.frames {
-            Some(frames) => frame_path(path, frames.first),
-            None => Ok(path.clone()),
-        };
-        let pictures = [Some(&output), arguments.preview.as_ref()].into_iter().flatten();
-        let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned();
-        let outputs: Vec<PathBuf> =
-            pictures.map(numbered).chain(others.map(Ok)).collect::<Result<_>>()?;
+        check_extension(&output, &exr::EXTENSIONS)?;
+        if let Some(preview) = &arguments.preview {
+            check_extension(preview, &ldr::EXTENSIONS)?;
+        }
+        let outputs = outputs(arguments, &output)?;
         outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
-        fsutil::check_distinct(&arguments.scene, &outputs)?;
+        fsutil::check_distinct(&inputs(arguments), &outputs)?;
         if matches!(arguments.integrator, IntegratorName::Path)
             && !(arguments.cache_load.is_empty() && arguments.cache_save.is_none())
         {
@@ -90,10 +94,11 @@ impl<'a> Request<'a> {
             arguments,
             scheme,
             layers,
-            options: ImportOptions { light_units, ..ImportOptions::default() },
+            options: ImportOptions { light_units, ..arguments.input.options() },
             sky,
             backend,
             output,
+            outputs,
             size: arguments.size.as_deref().map(parse_size).transpose()?,
             window: arguments.crop.as_deref().map(parse_window).transpose()?,
         })
@@ -103,32 +108,42 @@ impl<'a> Request<'a> {
     fn render(self, progress: &Progress) -> Result<End> {
         let mut clock = Clock::default();
         let (scene, mut warnings) = self.scene(&mut clock, progress)?;
+        // Now the files are known that the scene refers to.
+        self.outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
         let arguments = self.arguments;
         let mut viewer = Viewer::default();
+        if !matches!(arguments.integrator, IntegratorName::Bdpt) && glass_bends_light(&scene) {
+            warnings.push(BENT_LIGHT.to_owned());
+        }
         let job = self.job(&scene)?.progress(progress).clock(clock);
         viewer.connect(arguments, &self.output, job.settings()?.window)?;
         let (cancelled, table) = match &arguments.frames {
             None => {
                 let job = job.watcher(|area, film| viewer.show(area, film));
-                (self.picture(job, progress)?, String::new())
+                let picture = self.picture(job, progress)?;
+                warnings.extend(self.kept(&picture));
+                (picture.frame.cancelled, String::new())
             }
             Some(frames) => {
                 let cameras =
                     job.cameras(*frames, arguments.fps).map_err(in_file(&arguments.scene))?;
                 let job = job.watcher(|area, film| viewer.show(area, film));
+                let mut written = Ok(());
                 let write = |number: u32, picture: &Picture| {
                     let preview = arguments.preview.as_ref().map(|p| frame_path(p, number));
                     let output = frame_path(&self.output, number)?;
-                    self.write(picture, &output, preview.transpose()?.as_deref())
-                };
-                let sequence = match job.run_sequence(&cameras, write) {
-                    Err(Error::Cancelled) => {
-                        return Ok(End { cancelled: true, warnings, ..End::default() });
+                    written = self.write(picture, &output, preview.transpose()?.as_deref());
+                    if written.is_err() {
+                        // The records are saved nevertheless.
+                        progress.cancel();
                     }
-                    sequence => sequence?,
+                    Ok(())
                 };
-                self.save(&sequence.last)?;
-                self.write_stats(|| sequence.stats())?;
+                let sequence = job.run_sequence(&cameras, write)?;
+                let saved = self.save(&sequence.last);
+                let told = self.write_stats(|| sequence.stats());
+                written.and(saved).and(told)?;
+                warnings.extend(self.kept(&sequence.last));
                 (sequence.last.frame.cancelled, table(&sequence.costs))
             }
         };
@@ -146,8 +161,11 @@ impl<'a> Request<'a> {
             data.punctual.extend(sun.clone());
         }
         if let Some(map) = &arguments.env {
-            data.environment =
-                Some(import::environment(map, arguments.env_rotate, arguments.env_scale)?);
+            let (rotate, scale) = (arguments.env_rotate, arguments.env_scale);
+            let limit = arguments.input.memory_limit;
+            let (map, warnings) = import::environment(map, rotate, scale, limit)?;
+            data.environment = Some(map);
+            data.warnings.extend(warnings);
         }
         for material in &mut data.materials {
             material.multiple_scattering = arguments.multiple_scattering;
@@ -177,7 +195,8 @@ impl<'a> Request<'a> {
             .cache_files(&arguments.cache_load, arguments.cache_reuse)
             .layers(self.layers.clone())
             .exposure(arguments.exposure)
-            .show_records(arguments.show_records);
+            .show_records(arguments.show_records)
+            .float(arguments.float);
         if let Some(camera) = &arguments.camera {
             job = job.camera_named(camera).map_err(in_file(&arguments.scene))?;
         }
@@ -193,30 +212,43 @@ impl<'a> Request<'a> {
         Ok(job)
     }
 
-    /// Renders one picture; true if the work was cancelled.
-    fn picture(&self, job: Job, progress: &Progress) -> Result<bool> {
+    /// Renders one picture and writes it.
+    fn picture<'s>(&self, job: Job<'s>, progress: &Progress) -> Result<Picture<'s>> {
         let mut picture = job.run()?;
         picture.clock.start(Phase::Write);
         progress.start(Phase::Write, 0);
-        self.write(&picture, &self.output, self.arguments.preview.as_deref())?;
-        self.save(&picture)?;
+        // An output that fails does not take the others with it.
+        let written = self.write(&picture, &self.output, self.arguments.preview.as_deref());
+        let saved = self.save(&picture);
         picture.clock.stop();
-        self.write_stats(|| picture.stats())?;
-        Ok(picture.frame.cancelled)
+        let told = self.write_stats(|| picture.stats());
+        written.and(saved).and(told).map(|()| picture)
+    }
+
+    /// What to tell the user if the work was cancelled before there was anything to show.
+    fn kept(&self, picture: &Picture) -> Option<String> {
+        let nothing = picture.frame.cancelled && picture.frame.is_empty();
+        nothing.then(|| {
+            format!("cancelled before the first pixel: {} is as it was", self.output.display())
+        })
     }
 
     fn write(&self, picture: &Picture, output: &Path, preview: Option<&Path>) -> Result<()> {
-        if self.arguments.prepass_only {
+        // A picture of nothing must not take the place of another.
+        if self.arguments.prepass_only || picture.frame.is_empty() {
             return Ok(());
         }
-        picture.write_exr(output)?;
-        preview.map_or(Ok(()), |preview| picture.write_preview(preview))
+        let written = rescued(output, |path| picture.write_exr(path));
+        let preview = preview.map(|preview| rescued(preview, |path| picture.write_preview(path)));
+        written.and(preview.unwrap_or(Ok(())))
     }
 
-    /// Saves the records, if the user wants them and all are there.
+    /// Saves the records, if the user wants them; of cancelled work those that there are.
     fn save(&self, picture: &Picture) -> Result<()> {
-        let path = self.arguments.cache_save.as_ref().filter(|_| !picture.frame.cancelled);
-        path.map_or(Ok(()), |path| picture.write_cache(path))
+        let records = picture.frame.caches.as_ref().map_or(0, |c| c.cache.record_count());
+        let none = picture.frame.cancelled && records == 0;
+        let path = self.arguments.cache_save.as_ref().filter(|_| !none);
+        path.map_or(Ok(()), |path| rescued(path, |path| picture.write_cache(path)))
     }
 
     fn write_stats(&self, stats: impl Fn() -> Value) -> Result<()> {
@@ -224,6 +256,32 @@ impl<'a> Request<'a> {
             |path: &PathBuf| fsutil::write_atomically(path, format!("{:#}\n", stats()).as_bytes());
         self.arguments.stats.as_ref().map_or(Ok(()), write)
     }
+}
+
+/// Writes an output to `path`. Where the disk there is full by now, the work is not lost: the
+/// output goes to the folder of temporary files, and the error says so.
+fn rescued(path: &Path, write: impl Fn(&Path) -> Result<()>) -> Result<()> {
+    let full = |e: &Error| match e {
+        Error::Image { .. } => true,
+        Error::Io { source, .. } => {
+            matches!(source.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+        }
+        _ => false,
+    };
+    let Err(error) = write(path) else { return Ok(()) };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let other = std::env::temp_dir().join(format!("lumicache-{}-{name}", std::process::id()));
+    if !full(&error) || write(&other).is_err() {
+        return Err(error);
+    }
+    let kept = format!("; the output is kept as {}", other.display());
+    Err(match error {
+        Error::Image { file, what } => Error::image(&file, what + &kept),
+        Error::Io { file, source } => {
+            Error::io(&file)(io::Error::new(source.kind(), format!("{source}{kept}")))
+        }
+        other => other,
+    })
 }
 
 /// Shows finished tiles in a tev viewer, if there is one.
@@ -273,6 +331,24 @@ fn table(costs: &[FrameCost]) -> String {
         )
     };
     head + &costs.iter().map(row).collect::<String>()
+}
+
+/// The files that the arguments name as inputs.
+fn inputs(arguments: &Render) -> Vec<&Path> {
+    let preset = Some(Path::new(&arguments.preset)).filter(|_| is_file(&arguments.preset));
+    let named = [Some(arguments.scene.as_path()), arguments.env.as_deref(), preset];
+    named.into_iter().flatten().chain(arguments.cache_load.iter().map(PathBuf::as_path)).collect()
+}
+
+/// The files that will be written; of a sequence the first frame.
+fn outputs(arguments: &Render, output: &Path) -> Result<Vec<PathBuf>> {
+    let numbered = |path: &Path| match &arguments.frames {
+        Some(frames) => frame_path(path, frames.first),
+        None => Ok(path.to_owned()),
+    };
+    let pictures = [Some(output), arguments.preview.as_deref()].into_iter().flatten();
+    let others = [&arguments.stats, &arguments.cache_save].into_iter().flatten().cloned();
+    pictures.map(numbered).chain(others.map(Ok)).collect()
 }
 
 fn default_output(scene: &Path) -> PathBuf {

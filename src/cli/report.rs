@@ -3,12 +3,13 @@
 use super::args::Report;
 use super::presets::pair;
 use super::tables::tables;
-use super::terminal::{in_file, on_threads, parse_size, print, thread_count};
+use super::terminal::{in_file, on_threads, parse_size, print, thread_count, warn};
 use lumicache::accel::Backend;
 use lumicache::bench::experiment::{self, Plan, variant};
 use lumicache::bench::report;
 use lumicache::error::{Error, Result};
-use lumicache::import::{self, ImportOptions};
+use lumicache::fsutil;
+use lumicache::import;
 use lumicache::progress::Progress;
 use lumicache::render::Job;
 use lumicache::scene::Scene;
@@ -17,6 +18,7 @@ use lumicache::scene::Scene;
 const ROWS: u32 = 180;
 
 pub fn run(arguments: &Report) -> Result<()> {
+    fsutil::remember_what_is_read();
     let plan = plan(arguments)?;
     let size = arguments.size.as_deref().map(parse_size).transpose()?;
     std::fs::create_dir_all(&arguments.output).map_err(Error::io(&arguments.output))?;
@@ -29,11 +31,18 @@ pub fn run(arguments: &Report) -> Result<()> {
 fn compare(
     arguments: &Report, plan: &Plan, size: Option<[u32; 2]>, progress: &Progress,
 ) -> Result<report::Report> {
-    let mut data = import::gltf(&arguments.scene, &ImportOptions::default())?;
+    let mut data = import::gltf(&arguments.scene, &arguments.input.options())?;
     if let Some(map) = &arguments.env {
-        data.environment = Some(import::environment(map, 0.0, 1.0)?);
+        let limit = arguments.input.memory_limit;
+        let (map, warnings) = import::environment(map, 0.0, 1.0, limit)?;
+        data.environment = Some(map);
+        data.warnings.extend(warnings);
     }
-    let (scene, _) = Scene::new(data, Backend::default())?;
+    // Now the files are known that the scene refers to.
+    let outputs = experiment::FILES.map(|name| arguments.output.join(name));
+    outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
+    let (scene, warnings) = Scene::new(data, Backend::default())?;
+    warnings.iter().filter(|_| !arguments.quiet).for_each(|warning| warn(warning));
     let scene = scene.with_tables(tables());
     let mut job = Job::new(&scene)
         .rows(ROWS)

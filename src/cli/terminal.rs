@@ -1,9 +1,10 @@
 //! What the commands share: printing, threads behind a progress bar, Ctrl-C, and some arguments.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lumicache::error::{Error, Result};
+use lumicache::error::{Error, Result, one_line};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::workers;
+use nix::sys::signal::{SigSet, Signal};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +14,8 @@ use std::time::Duration;
 
 /// Prints `text`; a reader that stops listening early is no failure.
 pub fn print(text: &[u8]) -> Result<()> {
-    match std::io::stdout().lock().write_all(text) {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text).and_then(|()| out.flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::io(Path::new("standard output"))(e))
         }
@@ -21,8 +23,28 @@ pub fn print(text: &[u8]) -> Result<()> {
     }
 }
 
+/// Lets a write beyond the limit of file sizes fail like one to a full disk; by default the system
+/// kills the process. For the calling thread and those that it starts.
+pub fn survive_size_limits() {
+    let mut signals = SigSet::empty();
+    signals.add(Signal::SIGXFSZ);
+    // Without it the system does what it does.
+    let _ = signals.thread_block();
+}
+
+/// Says `what` on standard error, in one line whatever it contains. Nobody may be listening there:
+/// then there is nobody to tell.
+pub fn tell(what: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "lumicache: {}", one_line(what));
+}
+
 pub fn print_line(text: &str) -> Result<()> {
     print(format!("{text}\n").as_bytes())
+}
+
+/// Tells the user, on one line.
+pub fn warn(text: &str) {
+    tell(&format!("warning: {text}"));
 }
 
 /// Names `file` in a fault that does not know whose fault it is.
@@ -79,7 +101,7 @@ fn cancel_on_interrupt(progress: &Arc<Progress>) {
         progress.cancel();
     });
     if let Err(error) = installed {
-        eprintln!("lumicache: warning: Ctrl-C will not save the image so far: {error}");
+        warn(&format!("Ctrl-C will not save the image so far: {error}"));
     }
 }
 

@@ -3,15 +3,21 @@
 pub mod flip;
 
 use crate::error::{Error, Result};
-use crate::imagefile::ldr::{encode_srgb, write_png};
+use crate::imagefile::ldr::{self, encode_srgb};
 use crate::imagefile::{Picture, exr};
-use crate::math::Color;
+use crate::math::{Color, luminance};
 use serde::Serialize;
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// Added to the denominators of relMSE and MAPE, which keeps relative errors of dark pixels finite.
 const EPSILON: f64 = 0.01;
+
+/// Median luminances that a display shows as they are: from nearly black to white.
+const DISPLAYED: RangeInclusive<f32> = 0.005..=4.0;
+/// The median luminance of pictures that are exposed for a display: mid-gray.
+const MID_GRAY: f32 = 0.18;
 
 /// What to compare.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -42,6 +48,10 @@ pub struct Report {
     pub mean_ratio: Option<f64>,
     /// The same for each of R, G and B.
     pub mean_ratio_rgb: [Option<f64>; 3],
+    /// Stops by which both pictures were exposed for PSNR and FLIP: 0 unless the median luminance
+    /// of the reference is below 0.005 or above 4, as in photometric units, and then what
+    /// takes it to 0.18.
+    pub exposure: f32,
     /// Decibels between the pictures as a display shows them (clamped, sRGB), relative to its
     /// white; none if they are equal.
     pub psnr: Option<f64>,
@@ -69,6 +79,9 @@ impl Report {
             "mean ratio",
             format!("{}  (R {}, G {}, B {})", number(self.mean_ratio), rgb[0], rgb[1], rgb[2]),
         );
+        if self.exposure != 0.0 {
+            row("exposure", format!("{:+.2} stops for psnr and flip", self.exposure));
+        }
         row(
             "psnr",
             self.psnr.map_or_else(|| "equal on a display".to_owned(), |x| format!("{x:.2} dB")),
@@ -88,12 +101,13 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Writes the FLIP differences to the PNG file `path`, black for none to pale yellow for 1.
+    /// Writes the FLIP differences to the PNG or JPEG file `path`, black for none to pale yellow
+    /// for 1.
     ///
     /// # Errors
     /// [`Error::Io`] naming `path`.
     pub fn write_flip_map(&self, path: &Path) -> Result<()> {
-        write_png(path, self.report.width, self.report.height, &flip::color_map(&self.flip))
+        ldr::write(path, self.report.width, self.report.height, &flip::color_map(&self.flip))
     }
 }
 
@@ -199,11 +213,15 @@ fn measure(image: &Picture, reference: &Picture, options: &Options) -> Measured<
     }
     let x = colors(x, &compared, width, Side::Image)?;
     let r = colors(r, &compared, width, Side::Reference)?;
-    let map = flip::flip(&r, &x, width as usize, flip::PIXELS_PER_DEGREE);
+    let exposure = exposure(&r);
+    let [shown_x, shown_r] =
+        [&x, &r].map(|p| p.iter().map(|c| *c * exposure.exp2()).collect::<Vec<Color>>());
+    let map = flip::flip(&shown_r, &shown_x, width as usize, flip::PIXELS_PER_DEGREE);
 
     let mut sums = Sums::default();
     for (i, _) in compared.iter().enumerate().filter(|(_, on)| **on) {
-        sums.add(x[i], r[i], map[i]);
+        sums.add(x[i], r[i]);
+        sums.add_shown(shown_x[i], shown_r[i], map[i]);
     }
     let mean = |sum: f64| sum / pixels as f64;
     let ratio = |x: f64, r: f64| (r != 0.0).then(|| x / r);
@@ -218,10 +236,22 @@ fn measure(image: &Picture, reference: &Picture, options: &Options) -> Measured<
         mape: mean(sums.relative) / 3.0,
         mean_ratio: ratio(sums.x.iter().sum(), sums.r.iter().sum()),
         mean_ratio_rgb: [0, 1, 2].map(|c| ratio(sums.x[c], sums.r[c])),
+        exposure,
         psnr: (display > 0.0).then(|| -10.0 * display.log10()),
         flip: mean(sums.flip),
     };
     Ok(Comparison { report, flip: map })
+}
+
+/// The stops by which the reference must be exposed to show anything on a display.
+fn exposure(reference: &[Color]) -> f32 {
+    let mut seen: Vec<f32> = reference.iter().map(|c| luminance(*c)).filter(|l| *l > 0.0).collect();
+    if seen.is_empty() {
+        return 0.0;
+    }
+    let middle = seen.len() / 2;
+    let median = *seen.select_nth_unstable_by(middle, f32::total_cmp).1;
+    if DISPLAYED.contains(&median) { 0.0 } else { (MID_GRAY / median).log2() }
 }
 
 /// Sums over pixels.
@@ -237,10 +267,16 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, x: Color, r: Color, flip: f32) {
+    /// Adds a pixel as a display shows it.
+    fn add_shown(&mut self, x: Color, r: Color, flip: f32) {
         self.flip += f64::from(flip);
+        self.display +=
+            (0..3).map(|c| f64::from(encode_srgb(x[c]) - encode_srgb(r[c])).powi(2)).sum::<f64>();
+    }
+
+    /// Adds a pixel as it is.
+    fn add(&mut self, x: Color, r: Color) {
         for c in 0..3 {
-            self.display += f64::from(encode_srgb(x[c]) - encode_srgb(r[c])).powi(2);
             let (x, r) = (f64::from(x[c]), f64::from(r[c]));
             self.x[c] += x;
             self.r[c] += r;

@@ -1,70 +1,110 @@
-//! The floating point mode of the current thread.
+//! The floating point mode of the current thread: rounding, traps, denormal numbers.
 //!
 //! Embree advises to flush denormal numbers: a kernel that meets one is up to a hundred times
-//! slower. The bits belong to the thread, and inside a host to the host, so library code uses the
-//! guard and only threads of our own are changed for good.
+//! slower. Threads of our own do so for good. A host's threads have the mode that the host likes,
+//! perhaps rounding upwards or with traps for numbers that are none. Inside the library they have
+//! the default mode ([`Own`]), so that results do not depend on the host, and callbacks have the
+//! host's ([`as_caller`]). A new thread inherits the mode of the thread that starts it.
+
+use std::cell::Cell;
+use std::marker::PhantomData;
+
+/// The mode of a thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mode {
+    /// The control and status register of SSE.
+    mxcsr: u32,
+    /// The control word of x87.
+    x87: u16,
+}
+
+impl Mode {
+    /// To the nearest, no traps, denormal numbers as they are: the mode that C programs start in.
+    pub const DEFAULT: Self = Self { mxcsr: 0x1f80, x87: 0x037f };
+    /// The same with denormal numbers as zero: flush to zero (bit 15), denormals are zero (bit 6).
+    const FLUSHING: Self = Self { mxcsr: Self::DEFAULT.mxcsr | 0x8040, ..Self::DEFAULT };
+
+    /// The mode of the current thread.
+    pub fn current() -> Self {
+        imp::read()
+    }
+
+    fn set(self) {
+        imp::write(self);
+    }
+}
 
 #[cfg(target_arch = "x86_64")]
 mod imp {
+    use super::Mode;
     use std::arch::asm;
 
-    /// Flush to zero (bit 15) and denormals are zero (bit 6).
-    const FTZ_DAZ: u32 = 0x8040;
-
-    pub fn read() -> u32 {
-        let mut value = 0_u32;
-        // SAFETY: stmxcsr stores four bytes at the given address, which is a live, aligned u32.
-        unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
-        value
-    }
-
-    pub fn write(value: u32) {
-        // SAFETY: ldmxcsr loads four bytes from a live, aligned u32. Every caller passes a value
-        // that was read from the register, with at most FTZ and DAZ changed: no reserved
-        // bit and no exception is unmasked that was masked before.
+    pub fn read() -> Mode {
+        let mut mode = Mode { mxcsr: 0, x87: 0 };
+        // SAFETY: stmxcsr stores four bytes at the given address and fnstcw two, live and aligned.
         unsafe {
-            asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, readonly, preserves_flags))
-        };
+            asm!(
+                "stmxcsr [{}]", "fnstcw [{}]",
+                in(reg) &raw mut mode.mxcsr, in(reg) &raw mut mode.x87,
+                options(nostack, preserves_flags)
+            );
+        }
+        mode
     }
 
-    pub fn with_flush(value: u32) -> u32 {
-        value | FTZ_DAZ
+    pub fn write(mode: Mode) {
+        // SAFETY: ldmxcsr loads four bytes from a live, aligned u32. Every mode was read from the
+        // registers or is a constant of this file, so no reserved bit is set.
+        unsafe {
+            asm!("ldmxcsr [{}]", in(reg) &raw const mode.mxcsr, options(nostack, readonly, preserves_flags))
+        };
+        if mode.x87 != read().x87 {
+            // SAFETY: as above for fldcw. Flags that were raised meanwhile would trap at once where
+            // the mode has traps, so fnclex clears them first.
+            unsafe {
+                asm!("fnclex", "fldcw [{}]", in(reg) &raw const mode.x87, options(nostack, readonly, preserves_flags))
+            };
+        }
     }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
 mod imp {
-    pub fn read() -> u32 {
-        0
+    use super::Mode;
+
+    pub fn read() -> Mode {
+        Mode::DEFAULT
     }
-    pub fn write(_: u32) {}
-    pub fn with_flush(value: u32) -> u32 {
-        value
-    }
+    pub fn write(_: Mode) {}
 }
 
-/// Makes the current thread treat denormal numbers as zero (FTZ and DAZ) from now on. Nothing
-/// happens on machines other than x86-64.
+thread_local! {
+    /// The mode of the host while the thread is inside the library.
+    static CALLER: Cell<Option<Mode>> = const { Cell::new(None) };
+}
+
+/// From now on the current thread, one of our own, rounds to the nearest, has no traps and treats
+/// denormal numbers as zero. Nothing happens on machines other than x86-64.
 pub fn flush_denormals() {
-    imp::write(imp::with_flush(imp::read()));
+    Mode::FLUSHING.set();
 }
 
-/// While it lives, the current thread treats denormal numbers as zero; then the thread's earlier
-/// mode comes back.
+/// While it lives, the current thread computes as our own do; then the thread's earlier mode comes
+/// back.
 #[derive(Debug)]
 pub struct FlushDenormals {
-    before: u32,
+    before: Mode,
     /// The mode belongs to a thread, so the guard must not leave it.
-    _not_send: std::marker::PhantomData<*const ()>,
+    _not_send: PhantomData<*const ()>,
 }
 
 impl FlushDenormals {
     /// Sets the mode.
     #[must_use = "the mode ends with the guard"]
     pub fn new() -> Self {
-        let before = imp::read();
-        imp::write(imp::with_flush(before));
-        Self { before, _not_send: std::marker::PhantomData }
+        let before = Mode::current();
+        Mode::FLUSHING.set();
+        Self { before, _not_send: PhantomData }
     }
 }
 
@@ -76,8 +116,55 @@ impl Default for FlushDenormals {
 
 impl Drop for FlushDenormals {
     fn drop(&mut self) {
-        imp::write(self.before);
+        self.before.set();
     }
+}
+
+/// While it lives, a thread of the host is in the default mode; then in the host's again.
+#[derive(Debug)]
+pub struct Own {
+    /// The host's mode of a call that this one is inside of.
+    outer: Option<Mode>,
+    _not_send: PhantomData<*const ()>,
+}
+
+impl Own {
+    /// Sets the mode.
+    #[must_use = "the mode ends with the guard"]
+    pub fn enter() -> Self {
+        let outer = CALLER.replace(Some(Mode::current()));
+        Mode::DEFAULT.set();
+        Self { outer, _not_send: PhantomData }
+    }
+}
+
+impl Drop for Own {
+    fn drop(&mut self) {
+        if let Some(mode) = CALLER.replace(self.outer) {
+            mode.set();
+        }
+    }
+}
+
+/// The mode of the host that the current thread works for, if it works for one.
+pub fn caller() -> Option<Mode> {
+    CALLER.get()
+}
+
+/// Makes a thread of our own work for a host with the mode `caller`.
+pub fn work_for(caller: Option<Mode>) {
+    CALLER.set(caller);
+}
+
+/// Calls `f`, which is the host's, in the host's mode. What `f` changes of the mode stays.
+pub fn as_caller<R>(f: impl FnOnce() -> R) -> R {
+    let Some(caller) = CALLER.get() else { return f() };
+    let own = Mode::current();
+    caller.set();
+    let result = f();
+    CALLER.set(Some(Mode::current()));
+    own.set();
+    result
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]
@@ -104,6 +191,35 @@ mod tests {
             assert!(half_of_the_least_normal() > 0.0);
             flush_denormals();
             assert_eq!(half_of_the_least_normal(), 0.0);
+        })
+        .join()
+        .unwrap();
+    }
+
+    #[test]
+    fn inside_the_library_the_mode_is_the_default_and_callbacks_have_the_host_s() {
+        std::thread::spawn(|| {
+            // Upwards, with denormals as zero, in both units.
+            let host = Mode { mxcsr: 0x1f80 | 0x4000 | 0x8040, x87: 0x037f | 0x0800 };
+            let third = || black_box(1.0_f32) / black_box(3.0);
+            let (nearest, upwards) = (third(), third().next_up());
+            host.set();
+            assert_eq!(third(), upwards);
+            {
+                let _own = Own::enter();
+                assert_eq!((third(), caller()), (nearest, Some(host)));
+                assert!(half_of_the_least_normal() > 0.0);
+                as_caller(|| {
+                    assert_eq!(third(), upwards);
+                    let _nested = Own::enter();
+                    assert_eq!(third(), nearest);
+                });
+                assert_eq!(third(), nearest);
+            }
+            let without_flags = |mode: Mode| Mode { mxcsr: mode.mxcsr & !0x3f, ..mode };
+            assert_eq!(without_flags(Mode::current()), host);
+            assert_eq!((third(), caller()), (upwards, None));
+            Mode::DEFAULT.set();
         })
         .join()
         .unwrap();

@@ -6,6 +6,7 @@ mod layers;
 pub use layers::{LAYERS, Layer};
 pub use pixel::Pixel;
 
+use crate::error::{Error, Result};
 use crate::imagefile::{Crop, Picture};
 use crate::math::{Color, luminance};
 use crate::transport::Splat;
@@ -22,9 +23,18 @@ pub struct Film {
 
 impl Film {
     /// A black image.
-    pub fn new(size: [u32; 2], window: [u32; 4]) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn new(size: [u32; 2], window: [u32; 4]) -> Result<Self> {
         let count = (window[2] - window[0]) as usize * (window[3] - window[1]) as usize;
-        Self { size, window, pixels: vec![Pixel::default(); count] }
+        let mut pixels = Vec::new();
+        pixels.try_reserve_exact(count).map_err(|_| {
+            let bytes = count as u64 * size_of::<Pixel>() as u64;
+            Error::memory(format_args!("an image of {}x{} pixels", size[0], size[1]), bytes)
+        })?;
+        pixels.resize(count, Pixel::default());
+        Ok(Self { size, window, pixels })
     }
 
     /// Columns and rows of the window.

@@ -69,6 +69,12 @@ pub struct Bundle {
     pub light_paths: u32,
     /// What they bring.
     pub joints: Vec<Joint>,
+    /// Rays towards small bright surfaces that the probe may [add](Bundle::add); 0 for none.
+    pub towards_bright: u32,
+    /// The part of `radiance` that added rays brought; empty if there were none.
+    pub found: Vec<Color>,
+    /// Variance of the luminance of the irradiance that they brought.
+    pub found_variance: f32,
 }
 
 /// A place on a light path, joined with the point of a gather: a source of indirect light beside
@@ -97,6 +103,35 @@ impl Bundle {
         self.dir_local.is_empty()
     }
 
+    /// Adds a ray beside those of the strata, in the local direction `w`, z > 0. Its `radiance` is
+    /// to be what the ray brings times its weight against all other rays, as if it were one of the
+    /// rays of the strata. When all rays are answered, the gather adds it to that of the stratum
+    /// which it lies in.
+    pub fn add(&mut self, w: Vec3) {
+        self.dir_local.push(w);
+        self.pdf.push(self.density.pdf(w.z));
+        self.radiance.push(Color::ZERO);
+        self.distance.push(f32::INFINITY);
+        self.normal.push(Vec3::ZERO);
+        self.kind.push(HitKind::None);
+    }
+
+    /// Forgets all rays but the first `n`.
+    pub(super) fn truncate(&mut self, n: usize) {
+        self.dir_local.truncate(n);
+        self.pdf.truncate(n);
+        self.radiance.truncate(n);
+        self.distance.truncate(n);
+        self.normal.truncate(n);
+        self.kind.truncate(n);
+        self.change.iter_mut().for_each(|c| c.truncate(n));
+    }
+
+    /// Radiance from the direction of stratum `k`, without what added rays brought.
+    pub(super) fn of_ray(&self, k: usize) -> Color {
+        self.radiance[k] - self.found.get(k).copied().unwrap_or(Color::ZERO)
+    }
+
     /// Makes room for `n` answers, all of them "nothing".
     pub(super) fn reset(&mut self, n: usize) {
         self.dir_local.clear();
@@ -111,6 +146,8 @@ impl Bundle {
         self.kind.resize(n, HitKind::None);
         self.change.iter_mut().for_each(Vec::clear);
         self.joints.clear();
+        self.found.clear();
+        self.found_variance = 0.0;
     }
 }
 

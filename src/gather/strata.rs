@@ -1,7 +1,7 @@
 //! Stratified directions over the hemisphere with known neighbours.
 
 use crate::math::{INV_PI, Vec2, Vec3};
-use crate::sampling::{Rng, square_to_disk};
+use crate::sampling::{Rng, disk_to_square, square_to_disk};
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
@@ -97,6 +97,25 @@ impl Layout {
         (k / n, k % n)
     }
 
+    /// The sample in whose stratum the local direction `w` lies.
+    pub(super) fn at(self, density: Density, w: Vec3) -> usize {
+        // The place on the disk that the square goes to first.
+        let squared = w.truncate().length_squared().min(1.0);
+        let t = if density == Density::Cosine { squared } else { 1.0 - w.z };
+        let place = |x: f32, n: u32| ((x * n as f32) as u32).min(n - 1) as usize;
+        match self {
+            Self::Polar { m, n } => {
+                let turn = (w.y.atan2(w.x) / TAU).rem_euclid(1.0);
+                place(t, m) * n as usize + place(turn, n)
+            }
+            Self::Concentric { n } => {
+                let disk = w.truncate() * (t / squared.max(f32::MIN_POSITIVE)).sqrt();
+                let square = disk_to_square(disk);
+                place(square.y, n) * n as usize + place(square.x, n)
+            }
+        }
+    }
+
     /// Fills one jittered direction per stratum, and its density per steradian.
     pub fn directions(
         self, density: Density, seed: u64, dir_local: &mut Vec<Vec3>, pdf: &mut Vec<f32>,
@@ -130,6 +149,26 @@ impl Layout {
             };
             dir_local.push(w.normalize());
             pdf.push(p);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_lie_in_their_own_strata() {
+        for layout in [Layout::Polar { m: 13, n: 40 }, Layout::Concentric { n: 23 }] {
+            for density in [Density::Cosine, Density::Uniform] {
+                let (mut directions, mut pdf) = (Vec::new(), Vec::new());
+                layout.directions(density, 5, &mut directions, &mut pdf);
+                let strays = (directions.iter().enumerate())
+                    .filter(|(k, w)| layout.at(density, **w) != *k)
+                    .count();
+                // Those on the borders may fall to either side.
+                assert!(strays <= layout.rays() / 100, "{layout:?} {density:?}: {strays}");
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::batch::Batch;
 use super::host::Host;
 use crate::error::{Error, Result};
+use crate::ffi::mxcsr::{self, work_for};
 use std::collections::VecDeque;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -131,7 +132,7 @@ pub fn run<R: Send>(
     pool: &rayon::ThreadPool, host: Option<&Host>, servers: usize, watch: impl Fn(),
     work: impl FnOnce(&Exchange) -> R + Send,
 ) -> Result<R> {
-    let exchange = Exchange::default();
+    let (exchange, caller) = (Exchange::default(), mxcsr::caller());
     let mut result = None;
     std::thread::scope(|threads| {
         pool.in_place_scope(|scope| {
@@ -142,7 +143,10 @@ pub fn run<R: Send>(
             });
             if let Some(host) = host.filter(|h| h.concurrent) {
                 for _ in 0..servers {
-                    threads.spawn(move || while exchange.serve(host, INTERVAL) {});
+                    threads.spawn(move || {
+                        work_for(caller);
+                        while exchange.serve(host, INTERVAL) {}
+                    });
                 }
             }
             let serving = host.filter(|h| !h.concurrent);

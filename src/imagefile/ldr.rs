@@ -1,12 +1,16 @@
 //! Pictures of 8 and 16 bits: textures in, previews out.
 
+use super::picture::check_extension;
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
 use crate::math::Color;
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{
-    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, Limits,
 };
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -30,6 +34,16 @@ pub enum TexturePixels {
     Rgba16(Vec<[u16; 4]>),
 }
 
+impl TexturePixels {
+    /// Their number, and the bytes of one.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Rgba8(pixels) => (pixels.len(), 4),
+            Self::Rgba16(pixels) => (pixels.len(), 8),
+        }
+    }
+}
+
 /// The most columns and rows of a texture.
 pub const MAX_SIZE: u32 = 16384;
 /// The most bytes of one decoded texture: the largest size in four channels of 16 bits.
@@ -47,6 +61,43 @@ const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 /// What is wrong, without the file's name: another format, damage, no pixels, more than
 /// [`MAX_SIZE`] columns or rows.
 pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
+    let bytes = essential(bytes);
+    let (decoder, format) = open(&bytes)?;
+    let (width, height) = decoder.dimensions();
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| broken(format, &e))?;
+    let pixels = if is_deep(image.color()) {
+        TexturePixels::Rgba16(bytemuck::allocation::cast_vec(exact(image.into_rgba16().into_raw())))
+    } else {
+        TexturePixels::Rgba8(bytemuck::allocation::cast_vec(exact(image.into_rgba8().into_raw())))
+    };
+    Ok(TextureImage { width, height, pixels })
+}
+
+/// Bytes that [`decode`] takes, at its peak and beside the file's; 0 for a file that it refuses.
+pub fn memory(bytes: &[u8]) -> u64 {
+    let bytes = essential(bytes);
+    let Ok((decoder, _)) = open(&bytes) else { return 0 };
+    let (width, height) = decoder.dimensions();
+    let pixel = if is_deep(decoder.color_type()) { 8 } else { 4 };
+    decoder.total_bytes() + u64::from(width) * u64::from(height) * pixel
+}
+
+fn is_deep(color: ColorType) -> bool {
+    color.bytes_per_pixel() > color.channel_count()
+}
+
+/// A vector whose room is its length, as another element type demands.
+fn exact<T>(mut values: Vec<T>) -> Vec<T> {
+    values.shrink_to_fit();
+    values
+}
+
+fn broken(format: ImageFormat, error: &image::ImageError) -> String {
+    format!("not a readable {} image: {error}", format.extensions_str()[0])
+}
+
+/// A decoder for a file that can be true, before its pixels are asked for.
+fn open(bytes: &[u8]) -> std::result::Result<(impl ImageDecoder + '_, ImageFormat), String> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
         Ok(other) => {
@@ -57,15 +108,13 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
         }
         Err(_) => return Err("is not a PNG, JPEG or WebP image".to_owned()),
     };
-    let broken =
-        |e: image::ImageError| format!("not a readable {} image: {e}", format.extensions_str()[0]);
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_SIZE);
     limits.max_image_height = Some(MAX_SIZE);
     limits.max_alloc = Some(MAX_BYTES);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(broken)?;
+    let decoder = reader.into_decoder().map_err(|e| broken(format, &e))?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
@@ -82,29 +131,40 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
             bytes.len()
         ));
     }
-    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    let deep = matches!(
-        image,
-        DynamicImage::ImageLuma16(_)
-            | DynamicImage::ImageLumaA16(_)
-            | DynamicImage::ImageRgb16(_)
-            | DynamicImage::ImageRgba16(_)
-    );
-    let pixels = if deep {
-        TexturePixels::Rgba16(image.into_rgba16().pixels().map(|p| p.0).collect())
-    } else {
-        TexturePixels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect())
-    };
-    Ok(TextureImage { width, height, pixels })
+    Ok((decoder, format))
 }
 
-/// Writes `rgb8`, three bytes per pixel row by row from the top, as a PNG through a temporary file
-/// and a rename.
+/// A PNG file without the chunks that pixels do not need: profiles and texts are compressed too,
+/// and a few kilobytes of them may become gigabytes. What is no PNG file stays as it is.
+fn essential(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+    let Some(mut rest) = bytes.strip_prefix(SIGNATURE) else { return Cow::Borrowed(bytes) };
+    let mut kept = SIGNATURE.to_vec();
+    while let Some((length, _)) = rest.split_first_chunk() {
+        // Length, kind, data, checksum; the decoder tells of a chunk that is cut.
+        let end = (u32::from_be_bytes(*length) as usize).saturating_add(12).min(rest.len());
+        let (chunk, after) = rest.split_at(end);
+        if matches!(chunk.get(4..8), Some(b"IHDR" | b"PLTE" | b"tRNS" | b"IDAT" | b"IEND")) {
+            kept.extend(chunk);
+        }
+        rest = after;
+    }
+    Cow::Owned(kept)
+}
+
+/// The names that [`write`] takes; a name without an extension is that of a PNG.
+pub const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", ""];
+/// Of a JPEG, in percent.
+const QUALITY: u8 = 95;
+
+/// Writes `rgb8`, three bytes per pixel row by row from the top, through a temporary file and a
+/// rename. The file is a JPEG where the name says so, else a PNG.
 ///
 /// # Errors
-/// [`Error::Image`] when the length of `rgb8` does not fit, [`Error::Io`] when the file cannot be
-/// written; both name it.
-pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
+/// [`Error::Image`] when the length of `rgb8` does not fit or a JPEG cannot be that large,
+/// [`Error::Unsupported`] for other names than [`EXTENSIONS`], [`Error::Io`] when the file cannot
+/// be written; all name it.
+pub fn write(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
     let needed = u64::from(width) * u64::from(height) * 3;
     if needed == 0 || needed != rgb8.len() as u64 {
         return Err(Error::image(
@@ -112,10 +172,14 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()
             format!("{} bytes for {width} x {height} pixels", rgb8.len()),
         ));
     }
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(rgb8, width, height, ExtendedColorType::Rgb8)
-        .map_err(|e| Error::image(path, e.to_string()))?;
+    let extension = check_extension(path, &EXTENSIONS)?;
+    let (mut bytes, kind) = (Vec::new(), ExtendedColorType::Rgb8);
+    if extension.starts_with('j') {
+        JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(rgb8, width, height, kind)
+    } else {
+        PngEncoder::new(&mut bytes).write_image(rgb8, width, height, kind)
+    }
+    .map_err(|e| Error::image(path, e.to_string()))?;
     write_atomically(path, &bytes)
 }
 
@@ -275,14 +339,38 @@ mod tests {
     }
 
     #[test]
+    fn the_name_says_png_or_jpeg() {
+        let dir = tempfile::tempdir().unwrap();
+        let gray = [90; 3 * 16 * 16];
+        for (name, format) in [
+            ("a.jpg", ImageFormat::Jpeg),
+            ("a.JPEG", ImageFormat::Jpeg),
+            ("a.PNG", ImageFormat::Png),
+            ("a", ImageFormat::Png),
+        ] {
+            let path = dir.path().join(name);
+            write(&path, 16, 16, &gray).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            assert_eq!(image::guess_format(&bytes).unwrap(), format, "{name}");
+            let TexturePixels::Rgba8(pixels) = decode(&bytes).unwrap().pixels else {
+                panic!("{name} has 16 bits")
+            };
+            assert!(pixels.iter().all(|p| p[..3].iter().all(|b| b.abs_diff(90) <= 1)), "{name}");
+        }
+        let error = write(&dir.path().join("a.tif"), 16, 16, &gray).unwrap_err().to_string();
+        assert!(error.contains("a.tif") && error.contains(".jpg"), "{error}");
+        assert!(write(&dir.path().join("a.jpg"), 65536, 1, &[0; 3 * 65536]).is_err());
+    }
+
+    #[test]
     fn a_png_reads_back() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        write_png(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
+        write(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
         assert_eq!(
             decode(&std::fs::read(&path).unwrap()).unwrap().pixels,
             TexturePixels::Rgba8(vec![[1, 2, 3, 255], [4, 5, 6, 255]])
         );
-        assert!(write_png(&path, 2, 2, &[0; 6]).unwrap_err().to_string().contains("a.png"));
+        assert!(write(&path, 2, 2, &[0; 6]).unwrap_err().to_string().contains("a.png"));
     }
 }

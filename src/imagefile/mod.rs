@@ -1,9 +1,9 @@
 //! Image files in and out: EXR, HDR, PNG, JPEG, WebP. Pixels and attributes, no rendering.
 
-pub mod ldr;
 mod picture;
+pub mod ldr;
 pub mod exr;
 pub mod hdr;
 
 pub use ldr::{TextureImage, TexturePixels};
-pub use picture::{Attribute, Channel, Crop, Picture, REC_709, SampleKind};
+pub use picture::{Attribute, Channel, Crop, Picture, REC_709, SampleKind, check_extension};

@@ -2,7 +2,9 @@
 //!
 //! The film becomes a picture, OpenEXR files hold one, and comparisons and environments read one.
 
+use crate::error::{Error, Result};
 use crate::math::Color;
+use std::path::Path;
 
 /// How the samples of a channel are stored in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +23,7 @@ pub struct Channel {
     /// The name in the file. A dot separates layer and component: `diffuse_indirect.R`.
     pub name: String,
     /// The precision in the file. Samples are rounded to it when they are written: to the nearest,
-    /// ties to even, finite values beyond the largest half clamped to that.
+    /// ties to even. A layer with a finite value beyond the largest half is written as `Float`.
     pub kind: SampleKind,
     /// One sample per pixel, row by row from the top.
     pub samples: Vec<f32>,
@@ -111,7 +113,7 @@ impl Picture {
     ///
     /// # Errors
     /// The first of them that is missing, or that has too few or too many samples.
-    pub fn planes(&self, prefix: &str) -> Result<[&[f32]; 3], String> {
+    pub fn planes(&self, prefix: &str) -> std::result::Result<[&[f32]; 3], String> {
         let size = self.width as usize * self.height as usize;
         let plane = |component: &str| {
             let name = format!("{prefix}{component}");
@@ -130,7 +132,7 @@ impl Picture {
     ///
     /// # Errors
     /// As for [`Picture::planes`].
-    pub fn colors(&self, prefix: &str) -> Result<Vec<Color>, String> {
+    pub fn colors(&self, prefix: &str) -> std::result::Result<Vec<Color>, String> {
         let [r, g, b] = self.planes(prefix)?;
         Ok(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Color::new(r, g, b)).collect())
     }
@@ -140,4 +142,21 @@ impl Picture {
         let names: Vec<_> = self.channels.iter().take(24).map(|c| c.name.as_str()).collect();
         names.join(", ")
     }
+}
+
+/// The extension of an output's name in lower case, empty without one.
+///
+/// # Errors
+/// [`Error::Unsupported`] naming `path` and what may be written if it is none of `known`.
+pub fn check_extension(path: &Path, known: &[&str]) -> Result<String> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if known.contains(&extension.as_str()) {
+        return Ok(extension);
+    }
+    let names: Vec<_> = known.iter().filter(|e| !e.is_empty()).map(|e| format!(".{e}")).collect();
+    let what = format!(
+        "files called .{extension} cannot be written here; give it a name that ends in {}",
+        names.join(" or ")
+    );
+    Err(Error::unsupported(path, "", what))
 }

@@ -167,6 +167,7 @@ impl Format {
     /// Of instances.
     pub const ROTATIONS: Self = Self(&[Vec4], &Self::SIGNED);
     pub const ANIMATED_ROTATIONS: Self = Self(&[Vec4], &Self::FRACTIONS);
+    pub const ANIMATED_WEIGHTS: Self = Self(&[Scalar], &Self::FRACTIONS);
     /// What morph targets add to normals and tangents is stored like positions.
     pub const POSITION: Self = Self(&[Vec3], &Self::ANY);
     pub const NORMAL: Self = Self(&[Vec3], &Self::SIGNED);
@@ -386,6 +387,7 @@ impl<'a> Accessors<'a> {
     ) -> Parsed<Vec<T>> {
         let count = pick.map_or(accessor.count, |p| p.len() as u64);
         budget.spend(count, size_of::<T>() as u64, &accessor.path)?;
+        budget.spend(accessor.replaced(), size_of::<usize>() as u64, &accessor.path)?;
         if accessor.view.is_none() && accessor.count > MOST_ZEROS {
             let what = format!(
                 "{} elements without a buffer view, more than any sensible file has",
@@ -415,6 +417,11 @@ impl Elements<'_> {
 }
 
 impl Accessor<'_> {
+    /// Number of sparse elements.
+    pub fn replaced(&self) -> u64 {
+        self.json.sparse.as_ref().map_or(0, |sparse| sparse.count.0)
+    }
+
     fn layout(&self) -> Parsed<Layout> {
         let what = "it has a type that glTF does not know";
         self.layout.ok_or_else(|| Fault::new(self.path.as_str(), what))

@@ -3,28 +3,35 @@
 use super::accessor::{Accessor, Accessors};
 use super::budget::Budget;
 use super::fault::{Fault, Parsed};
+use super::warnings::Warnings;
 use gltf::accessor::DataType;
 
 /// Checks the data of every accessor whose bytes are at hand: floats are finite, and no element
 /// lies outside the declared bounds.
 ///
+/// Returns the highest value of each one's first component; -∞ where the bytes are not at hand.
+///
 /// `work` bounds the bytes that are looked at: thousands of accessors may share the same ones.
 pub(super) fn check(
-    accessors: &Accessors, work: &mut Budget, warnings: &mut Vec<String>,
-) -> Parsed<()> {
-    let mut loose = 0;
+    accessors: &Accessors, work: &mut Budget, warnings: &mut Warnings,
+) -> Parsed<Vec<f64>> {
+    let (mut loose, mut highest) = (0, Vec::new());
     for accessor in &accessors.list {
-        if let (Some(layout), Some(_)) = (accessor.layout, accessor.view) {
-            work.spend(accessor.count, layout.element(), &accessor.path)?;
+        if let Some(layout) = accessor.layout {
+            let count = if accessor.view.is_some() { accessor.count } else { 0 };
+            work.spend(count + accessor.replaced(), layout.element() + 8, &accessor.path)?;
         }
-        loose += usize::from(check_one(accessors, accessor)?);
+        let (wide, high) = check_one(accessors, accessor)?;
+        loose += usize::from(wide);
+        highest.push(high);
     }
     if loose > 0 {
-        warnings.push(format!(
+        let what = format!(
             "{loose} accessors declare bounds wider than their data, which changes nothing here"
-        ));
+        );
+        warnings.mend("/accessors", what)?;
     }
-    Ok(())
+    Ok(highest)
 }
 
 /// Lowest and highest value of one component.
@@ -34,12 +41,13 @@ struct Extent {
     high: f64,
 }
 
-/// True if the declared bounds are wider than the data.
-fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
-    let Some(layout) = accessor.layout else { return Ok(false) };
+/// True if the declared bounds are wider than the data; and the highest first component.
+fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<(bool, f64)> {
+    let nothing = (false, f64::NEG_INFINITY);
+    let Some(layout) = accessor.layout else { return Ok(nothing) };
     let has_bytes = accessor.view.is_none_or(|view| accessors.buffers().bytes(view).is_ok());
     if !has_bytes {
-        return Ok(false);
+        return Ok(nothing);
     }
     let components = layout.shape.multiplicity();
     let mut extents = vec![Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }; components];
@@ -73,7 +81,7 @@ fn check_one(accessors: &Accessors, accessor: &Accessor) -> Parsed<bool> {
             }
         }
     }
-    compare(accessor, layout.component == DataType::F32, &extents)
+    Ok((compare(accessor, layout.component == DataType::F32, &extents)?, extents[0].high))
 }
 
 /// Compares the declared bounds with the data's; true where they are wider.

@@ -9,35 +9,44 @@ use super::document::Document;
 use super::fault::{Fault, Parsed};
 use super::node::{Graph, local_transform};
 use super::value::numbers;
+use super::warnings::Warnings;
 use crate::camera::{Interpolation, Joint, Motion, Track};
 use gltf::animation::{Interpolation as Kind, Property};
 use gltf::json::animation as json;
 use gltf::json::validation::Checked;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, HashSet};
 
 /// The motions of the document's cameras, by the nodes that carry them; nodes that stand still are
 /// left out.
 pub(super) fn motions(
     document: &Document, accessors: &Accessors, graph: &Graph, budget: &mut Budget,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Parsed<BTreeMap<usize, Motion>> {
-    let carriers = graph.nodes.iter().enumerate().filter(|(_, node)| node.camera.is_some());
-    let lines: Vec<Vec<usize>> = carriers.map(|(i, _)| graph.line(i)).collect();
+    let lines = moved_lines(document, graph, budget)?;
     let mut joints: BTreeMap<usize, Joint> = BTreeMap::new();
     for &i in lines.iter().flatten() {
-        joints.insert(i, at_rest(&document.json["nodes"][i])?);
+        if let Entry::Vacant(place) = joints.entry(i) {
+            place.insert(at_rest(&document.json["nodes"][i])?);
+        }
     }
     for (i, animation) in document.root().animations.iter().enumerate() {
         for (k, channel) in animation.channels.iter().enumerate() {
             // The node of an unknown property need not be there.
             let Checked::Valid(property) = channel.target.path else { continue };
-            let Some(joint) = joints.get_mut(&channel.target.node.value()) else { continue };
             let sampler = channel.sampler.value();
             let sampler = Sampler {
                 json: &animation.samplers[sampler],
                 path: format!("/animations/{i}/samplers/{sampler}"),
                 accessors,
+            };
+            let Some(joint) = joints.get_mut(&channel.target.node.value()) else {
+                // It moves nothing that is shown.
+                if let Err(Fault { path, what, .. }) = sampler.check(property) {
+                    warnings.mend(&path, what)?;
+                }
+                continue;
             };
             let first = match property {
                 Property::Translation => {
@@ -50,9 +59,9 @@ pub(super) fn motions(
                 Property::MorphTargetWeights => true,
             };
             if !first {
-                warnings.push(format!(
-                    "/animations/{i}/channels/{k}: another animation has this property of the node already, and counts alone"
-                ));
+                let what =
+                    "another animation has this property of the node already, and counts alone";
+                warnings.push(format!("/animations/{i}/channels/{k}: {what}"));
             }
         }
     }
@@ -68,6 +77,26 @@ pub(super) fn motions(
         .collect())
 }
 
+/// The nodes with cameras that something may move, each behind those above it.
+fn moved_lines(document: &Document, graph: &Graph, budget: &mut Budget) -> Parsed<Vec<Vec<usize>>> {
+    let animations = document.root().animations.iter();
+    let channels = animations.flat_map(|animation| &animation.channels);
+    let targets: HashSet<usize> = channels.map(|channel| channel.target.node.value()).collect();
+    let mut moved = HashSet::new();
+    let mut lines = Vec::new();
+    for i in graph.reachable(&graph.roots()) {
+        if targets.contains(&i) || graph.parent(i).is_some_and(|parent| moved.contains(&parent)) {
+            moved.insert(i);
+            if graph.nodes[&i].camera.is_some() {
+                let line = graph.line(i, budget)?;
+                lines.push(line);
+            }
+        }
+    }
+    lines.sort_by_key(|line| line.last().copied());
+    Ok(lines)
+}
+
 /// Puts `track` in its place unless there is one already.
 fn give<const N: usize>(place: &mut Option<Track<N>>, track: Track<N>) -> bool {
     let free = place.is_none();
@@ -80,7 +109,7 @@ fn at_rest(node: &Value) -> Parsed<Joint> {
     // Complaints about the transform were made when the nodes were read. Where a matrix stands for
     // the three parts, they are taken from it.
     let (scale, rotation, translation) =
-        local_transform(node, "", &mut Vec::new())?.to_scale_rotation_translation();
+        local_transform(node, "", &mut Warnings::default())?.to_scale_rotation_translation();
     let scale = numbers::<3>(&node["scale"]).map_or(scale, glam::DVec3::from_array);
     let rotation = match numbers::<4>(&node["rotation"]) {
         Some(xyzw) => glam::DQuat::from_array(xyzw).normalize(),
@@ -103,6 +132,34 @@ struct Sampler<'s, 'a> {
 }
 
 impl Sampler<'_, '_> {
+    /// Checks what times and values are stored as, and their number.
+    fn check(&self, property: Property) -> Parsed<()> {
+        let Self { json, path, accessors } = self;
+        let format = match property {
+            Property::Translation | Property::Scale => &Format::VECTORS,
+            Property::Rotation => &Format::ANIMATED_ROTATIONS,
+            Property::MorphTargetWeights => &Format::ANIMATED_WEIGHTS,
+        };
+        let (input, output) = (format!("{path}/input"), format!("{path}/output"));
+        let times = accessors.expect(json.input.value(), &Format::SCALARS, &input)?.count;
+        let values = accessors.expect(json.output.value(), format, &output)?.count;
+        let wanted = times.saturating_mul(if self.is_cubic() { 3 } else { 1 });
+        let fits = match property {
+            Property::MorphTargetWeights => values.is_multiple_of(wanted),
+            _ => values == wanted,
+        };
+        if fits {
+            return Ok(());
+        }
+        let what =
+            format!("{times} keyframes of this interpolation need {wanted} values, not {values}");
+        Err(Fault::new(output, what))
+    }
+
+    fn is_cubic(&self) -> bool {
+        matches!(self.json.interpolation, Checked::Valid(Kind::CubicSpline))
+    }
+
     fn track<const N: usize>(&self, format: &Format, budget: &mut Budget) -> Parsed<Track<N>> {
         let Self { json, path, accessors } = self;
         let (input, output) = (format!("{path}/input"), format!("{path}/output"));

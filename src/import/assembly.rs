@@ -3,14 +3,16 @@
 use super::accessor::{Accessors, Format};
 use super::budget::Budget;
 use super::camera::CameraKind;
-use super::fault::{Fault, Parsed};
+use super::document::Document;
+use super::fault::{self, Fault, Parsed};
 use super::flat::{flattened, is_flat};
 use super::ies::Luminaire;
 use super::light::Light;
 use super::mesh::{self, Mesh, Primitive, Recipe};
-use super::node::{Graph, Instancing, Node};
+use super::node::{self, Graph, Instancing, Node};
 use super::skin::{self, Skin};
 use super::tangents;
+use super::warnings::Warnings;
 use crate::camera::Motion;
 use crate::geometry::{Aabb, Instance, TriangleMesh};
 use crate::material::{Material, NativeBrdf};
@@ -23,6 +25,7 @@ use std::sync::Arc;
 
 /// The parts of a document that nodes refer to.
 pub(super) struct Parts<'p, 'a> {
+    pub document: &'p Document<'a>,
     pub accessors: &'p Accessors<'a>,
     pub graph: &'p Graph,
     pub meshes: &'p [Mesh],
@@ -31,8 +34,8 @@ pub(super) struct Parts<'p, 'a> {
     /// By the nodes that carry a camera.
     pub motions: &'p BTreeMap<usize, Motion>,
     pub lights: &'p [Option<Light>],
-    /// One for each node.
-    pub luminaires: &'p [Option<Luminaire>],
+    /// By the nodes that carry one.
+    pub luminaires: &'p BTreeMap<usize, Luminaire>,
 }
 
 /// A mesh of the scene with its object-space bounds.
@@ -45,8 +48,8 @@ struct Placed {
 }
 
 /// An instance before the place of the scene is decided.
-struct Standing<'p> {
-    path: &'p str,
+struct Standing {
+    node: usize,
     placed: Placed,
     to_world: DAffine3,
 }
@@ -58,20 +61,24 @@ const FLAT_VERTEX: u64 = 72;
 pub(super) struct Assembly<'p, 'a> {
     parts: Parts<'p, 'a>,
     scene: SceneData,
+    warnings: &'p mut Warnings,
     budget: &'p mut Budget,
     /// Meshes by recipe and morph weights; `None` for those without triangles.
     made: HashMap<(Recipe, Vec<u32>), Option<Placed>>,
     default_material: Option<u32>,
-    standing: Vec<Standing<'p>>,
+    standing: Vec<Standing>,
     singular: usize,
 }
 
 impl<'p, 'a> Assembly<'p, 'a> {
     /// An assembly of `parts` into `scene`.
-    pub fn new(parts: Parts<'p, 'a>, scene: SceneData, budget: &'p mut Budget) -> Self {
+    pub fn new(
+        parts: Parts<'p, 'a>, scene: SceneData, budget: &'p mut Budget, warnings: &'p mut Warnings,
+    ) -> Self {
         Self {
             parts,
             scene,
+            warnings,
             budget,
             made: HashMap::new(),
             default_material: None,
@@ -80,35 +87,34 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
     }
 
-    /// The finished scene.
-    pub fn build(mut self, roots: &[usize]) -> Parsed<SceneData> {
+    /// The finished scene of `nodes`.
+    pub fn build(mut self, nodes: &[usize]) -> Parsed<SceneData> {
         let graph = self.parts.graph;
         let mut cameras = Vec::new();
-        let reachable = graph.reachable(roots);
-        for node in reachable.iter().map(|i| &graph.nodes[*i]) {
+        for &i in nodes {
+            let node = &graph.nodes[&i];
             if let Some(index) = node.mesh {
-                self.mesh(node, &self.parts.meshes[index])?;
+                self.mesh((i, node), &self.parts.meshes[index])?;
             }
         }
         self.place()?;
         let shift = -self.scene.origin;
-        for i in reachable {
-            let node = &graph.nodes[i];
+        for &i in nodes {
+            let node = &graph.nodes[&i];
             let to_world = DAffine3::from_translation(shift) * node.to_world;
             if let Some((index, kind)) =
                 node.camera.and_then(|c| Some((c, self.parts.cameras[c].as_ref()?)))
             {
-                let fallback =
-                    if node.name.is_empty() { node.path.as_str() } else { node.name.as_str() };
-                match kind.placed(&to_world, fallback) {
+                let named = fault::name(&self.parts.document.json["nodes"][i]);
+                let fallback = named.map_or_else(|| node::path(i), str::to_owned);
+                match kind.placed(&to_world, &fallback) {
                     Some(camera) => {
                         let motion = self.parts.motions.get(&i).map(|m| m.shifted(shift));
                         cameras.push((index, camera, motion));
                     }
-                    None => self.scene.warnings.push(format!(
-                        "{}: its camera has no direction and is left out",
-                        node.path
-                    )),
+                    None => self
+                        .warnings
+                        .push(format!("/nodes/{i}: its camera has no direction and is left out")),
                 }
             }
             let light = node
@@ -116,14 +122,13 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 .and_then(|l| self.parts.lights[l].as_ref())
                 .map(|light| light.placed(&to_world));
             let luminaire =
-                self.parts.luminaires[i].as_ref().map(|l| l.placed(&to_world, f32::INFINITY));
+                self.parts.luminaires.get(&i).map(|l| l.placed(&to_world, f32::INFINITY));
             for light in [light, luminaire].into_iter().flatten() {
                 match light {
                     Some(light) => self.scene.punctual.push(light),
                     None => self
-                        .scene
                         .warnings
-                        .push(format!("{}: its light has no direction and is left out", node.path)),
+                        .push(format!("/nodes/{i}: its light has no direction and is left out")),
                 }
             }
         }
@@ -135,15 +140,15 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 "{} instances are left out because their transform leaves a line or a point of them",
                 self.singular
             );
-            self.scene.warnings.push(what);
+            self.warnings.push(what);
         }
         Ok(self.scene)
     }
 
-    fn mesh(&mut self, node: &'p Node, mesh: &'p Mesh) -> Parsed<()> {
-        let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
+    fn mesh(&mut self, (i, node): (usize, &Node), mesh: &'p Mesh) -> Parsed<()> {
+        let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
         if let Some(skin) = node.skin {
-            return self.skinned(node, mesh, weights, &self.parts.skins[skin]);
+            return self.skinned((i, node), mesh, weights, &self.parts.skins[skin]);
         }
         let mut placed = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
@@ -162,12 +167,10 @@ impl<'p, 'a> Assembly<'p, 'a> {
             placed.extend(entry);
         }
         match &node.instancing {
-            None => placed.iter().try_for_each(|p| self.instance(node, *p, node.to_world)),
+            None => placed.iter().try_for_each(|p| self.instance(i, *p, node.to_world)),
             Some(instancing) => {
-                for local in self.instances(node, instancing)? {
-                    placed
-                        .iter()
-                        .try_for_each(|p| self.instance(node, *p, node.to_world * local))?;
+                for local in self.instances(i, instancing)? {
+                    placed.iter().try_for_each(|p| self.instance(i, *p, node.to_world * local))?;
                 }
                 Ok(())
             }
@@ -176,16 +179,14 @@ impl<'p, 'a> Assembly<'p, 'a> {
 
     /// A skinned mesh stands in the world by its joints alone: its node's own transform does not
     /// count.
-    fn skinned(&mut self, node: &'p Node, mesh: &Mesh, weights: &[f32], skin: &Skin) -> Parsed<()> {
+    fn skinned(
+        &mut self, (i, node): (usize, &Node), mesh: &Mesh, weights: &[f32], skin: &Skin,
+    ) -> Parsed<()> {
         let matrices = skin.matrices(self.parts.graph, self.parts.accessors, self.budget)?;
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let mut built = mesh::build(primitive, weights, self.parts.accessors, self.budget)?;
             let mut to_world = DAffine3::IDENTITY;
             if built.influences.sets == 0 {
-                self.scene.warnings.push(format!(
-                    "{}: it has no joints, so its skin does nothing",
-                    primitive.path
-                ));
                 to_world = node.to_world;
             } else {
                 skin::apply(&mut built.mesh, &built.influences, &matrices, &primitive.path)?;
@@ -196,7 +197,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
             if let Some(placed) =
                 self.finish(primitive, name(mesh, k), built.mesh, built.degenerate)?
             {
-                self.instance(node, placed, to_world)?;
+                self.instance(i, placed, to_world)?;
             }
         }
         Ok(())
@@ -208,7 +209,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
     ) -> Parsed<Option<Placed>> {
         mesh.name = name;
         if degenerate > 0 {
-            self.scene.warnings.push(format!(
+            self.warnings.push(format!(
                 "{}: {degenerate} triangles without area are left out",
                 primitive.path
             ));
@@ -218,8 +219,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
         let lost = tangents::normalize(&mut mesh);
         if lost > 0 {
-            self.scene
-                .warnings
+            self.warnings
                 .push(format!("{}: {lost} normals of length 0 are replaced", primitive.path));
         }
         if primitive.recipe.material.is_none() {
@@ -254,7 +254,7 @@ impl<'p, 'a> Assembly<'p, 'a> {
                 "{}: its material reads a texture at TEXCOORD_{set}, which it does not have",
                 primitive.path
             );
-            self.scene.warnings.push(what);
+            self.warnings.push(what);
         }
         if mesh.tangents.is_some() {
             return;
@@ -272,10 +272,10 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
     }
 
-    fn instance(&mut self, node: &'p Node, placed: Placed, to_world: DAffine3) -> Parsed<()> {
-        self.budget.spend(1, size_of::<Standing>() as u64, &node.path)?;
+    fn instance(&mut self, node: usize, placed: Placed, to_world: DAffine3) -> Parsed<()> {
+        self.budget.spend(1, size_of::<Standing>() as u64, &node::path(node))?;
         let to_world = to_world * DAffine3::from_translation(placed.moved);
-        self.standing.push(Standing { path: &node.path, placed, to_world });
+        self.standing.push(Standing { node, placed, to_world });
         Ok(())
     }
 
@@ -291,7 +291,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
         standing.into_iter().try_for_each(|s| self.stand(s))
     }
 
-    fn stand(&mut self, Standing { path, placed, to_world }: Standing) -> Parsed<()> {
+    fn stand(&mut self, Standing { node, placed, to_world }: Standing) -> Parsed<()> {
+        let path = node::path(node);
         let exact = DAffine3::from_translation(-self.scene.origin) * to_world;
         let to_world =
             Affine3A::from_mat3_translation(exact.matrix3.as_mat3(), exact.translation.as_vec3());
@@ -310,8 +311,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
         }
         let geometry = &mut self.scene.geometry;
         let mesh = &geometry.meshes[placed.mesh as usize];
-        self.budget.spend(mesh.positions.len() as u64, FLAT_VERTEX, path)?;
-        self.budget.spend(mesh.indices.len() as u64, size_of::<[u32; 3]>() as u64, path)?;
+        self.budget.spend(mesh.positions.len() as u64, FLAT_VERTEX, &path)?;
+        self.budget.spend(mesh.indices.len() as u64, size_of::<[u32; 3]>() as u64, &path)?;
         let mesh = flattened(mesh, &exact);
         if mesh.indices.is_empty() {
             self.singular += 1;
@@ -324,8 +325,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
     }
 
     /// The transforms of EXT_mesh_gpu_instancing, relative to the node.
-    fn instances(&mut self, node: &Node, instancing: &Instancing) -> Parsed<Vec<DAffine3>> {
-        let base = format!("{}/extensions/EXT_mesh_gpu_instancing/attributes", node.path);
+    fn instances(&mut self, node: usize, instancing: &Instancing) -> Parsed<Vec<DAffine3>> {
+        let base = format!("/nodes/{node}/extensions/EXT_mesh_gpu_instancing/attributes");
         let mut count = None;
         let translations: Option<Vec<Vec3>> = self.instanced(
             instancing.translation,

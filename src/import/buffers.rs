@@ -5,6 +5,7 @@ use super::document::Document;
 use super::fault::{Fault, Parsed, quote};
 use super::meshopt;
 use super::uri::{self, Target};
+use super::warnings::Warnings;
 use gltf::json::{buffer, validation::Checked};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -47,7 +48,7 @@ pub(super) struct Buffers<'a> {
 impl<'a> Buffers<'a> {
     /// Reads every buffer, and checks and decompresses every view.
     pub fn parse(
-        document: &'a Document, budget: &mut Budget, warnings: &mut Vec<String>,
+        document: &'a Document, budget: &mut Budget, warnings: &mut Warnings,
     ) -> Parsed<Self> {
         let mut reader = Reader { document, files: HashMap::new(), budget, warnings };
         let buffers = document.root().buffers.iter().enumerate();
@@ -136,7 +137,7 @@ struct Reader<'r, 'a> {
     document: &'a Document<'a>,
     files: HashMap<PathBuf, Arc<Vec<u8>>>,
     budget: &'r mut Budget,
-    warnings: &'r mut Vec<String>,
+    warnings: &'r mut Warnings,
 }
 
 impl<'a> Reader<'_, 'a> {
@@ -156,6 +157,10 @@ impl<'a> Reader<'_, 'a> {
             Data::Own(bytes) => bytes.len() as u64,
             Data::Absent(_) => declared,
         };
+        if actual > declared && matches!(data, Data::Own(_)) {
+            let what = "the data is longer than that";
+            self.warnings.allow(&format!("{path}/byteLength"), what)?;
+        }
         if actual < declared {
             let what = format!("{declared} bytes are declared, and only {actual} are there");
             return Err(Fault::new(format!("{path}/byteLength"), what));
@@ -168,24 +173,24 @@ impl<'a> Reader<'_, 'a> {
         let chunk = self.document.container.bin.ok_or_else(|| Fault::new("/buffers/0", missing))?;
         if chunk.len() as u64 > declared.saturating_add(3) {
             let what = "the GLB's binary chunk is longer than /buffers/0 declares";
-            self.warnings.push(what.to_owned());
+            self.warnings.push(what);
         }
         Ok(Data::Chunk(chunk))
     }
 
     fn external(&mut self, path: &str, uri: &str) -> Parsed<Data<'a>> {
         let at = format!("{path}/uri");
-        match uri::resolve(uri, &at, self.document.folder)? {
+        match uri::resolve(uri, &at, &self.document.folder)? {
             Target::Data { media_type, bytes } => {
                 let known = ["", "application/octet-stream", "application/gltf-buffer"];
                 if !known.contains(&media_type.as_str()) {
                     let what = format!(
-                        "a buffer's data URI must be of type {} or {}, not {}",
+                        "a buffer's data URI should be of type {} or {}, not {}",
                         known[1],
                         known[2],
                         quote(&media_type)
                     );
-                    return Err(Fault::new(at, what));
+                    self.warnings.mend(&at, what)?;
                 }
                 Ok(Data::Own(Arc::new(bytes)))
             }
@@ -193,8 +198,7 @@ impl<'a> Reader<'_, 'a> {
                 if let Some(bytes) = self.files.get(&file) {
                     return Ok(Data::Own(bytes.clone()));
                 }
-                let bytes = Arc::new(uri::read(&file, &at, u64::MAX)?);
-                self.budget.feed(bytes.len() as u64);
+                let bytes = Arc::new(uri::read(&file, &at, u64::MAX, self.budget)?);
                 self.files.insert(file, bytes.clone());
                 Ok(Data::Own(bytes))
             }

@@ -1,7 +1,9 @@
 //! Cameras of the document, and the one for a document without.
 
+use super::ImportOptions;
 use super::document::Document;
 use super::fault::{Fault, Parsed};
+use super::warnings::Warnings;
 use crate::camera::{Camera, Projection, without_scale};
 use crate::geometry::Aabb;
 use crate::math::{Affine3A, Mat3, Vec3};
@@ -16,19 +18,23 @@ pub(super) struct CameraKind {
     name: Option<String>,
     projection: Projection,
     aspect: Option<f32>,
+    clip: [f32; 2],
 }
 
 /// All cameras of the document; `None` for one that cannot be used.
 pub(super) fn cameras(
-    document: &Document, warnings: &mut Vec<String>,
+    document: &Document, options: &ImportOptions, warnings: &mut Warnings,
 ) -> Parsed<Vec<Option<CameraKind>>> {
     let cameras = document.root().cameras.iter().enumerate();
-    cameras.map(|(i, json)| camera(json, &format!("/cameras/{i}"), warnings)).collect()
+    let read = |(i, json)| {
+        let camera = camera(json, &format!("/cameras/{i}"), warnings)?;
+        let clip = |c: CameraKind| if options.no_clip { c.without_clip() } else { c };
+        Ok(camera.map(clip))
+    };
+    cameras.map(read).collect()
 }
 
-fn camera(
-    json: &json::Camera, path: &str, warnings: &mut Vec<String>,
-) -> Parsed<Option<CameraKind>> {
+fn camera(json: &json::Camera, path: &str, warnings: &mut Warnings) -> Parsed<Option<CameraKind>> {
     if json.perspective.is_some() && json.orthographic.is_some() {
         let what = "must have either a perspective or an orthographic property, and not both";
         return Err(Fault::new(path, what));
@@ -41,7 +47,7 @@ fn camera(
         }
         _ => Ok(()),
     };
-    let (projection, aspect) = match json.type_ {
+    let (projection, aspect, clip) = match json.type_ {
         Checked::Valid(json::Type::Perspective) => {
             let lens = json.perspective.as_ref().ok_or_else(|| missing("perspective"))?;
             depths("perspective", lens.znear, lens.zfar)?;
@@ -52,15 +58,16 @@ fn camera(
                 ));
                 return Ok(None);
             }
-            (Projection::Perspective { yfov: lens.yfov }, lens.aspect_ratio)
+            let clip = [lens.znear, lens.zfar.unwrap_or(f32::INFINITY)];
+            (Projection::Perspective { yfov: lens.yfov }, lens.aspect_ratio, clip)
         }
         Checked::Valid(json::Type::Orthographic) => {
             let lens = json.orthographic.as_ref().ok_or_else(|| missing("orthographic"))?;
             depths("orthographic", lens.znear, Some(lens.zfar))?;
-            for (key, magnification) in [("xmag", lens.xmag), ("ymag", lens.ymag)] {
-                if magnification == 0.0 {
-                    return Err(Fault::new(format!("{path}/orthographic/{key}"), "must not be 0"));
-                }
+            if lens.xmag == 0.0 || lens.ymag == 0.0 {
+                let what = "a magnification is 0; the camera is left out";
+                warnings.mend(&format!("{path}/orthographic"), what)?;
+                return Ok(None);
             }
             if lens.xmag < 0.0 || lens.ymag < 0.0 {
                 warnings.push(format!(
@@ -68,15 +75,21 @@ fn camera(
                 ));
             }
             let (xmag, ymag) = (lens.xmag.abs(), lens.ymag.abs());
-            (Projection::Orthographic { xmag, ymag }, Some(xmag / ymag))
+            let clip = [lens.znear, lens.zfar];
+            (Projection::Orthographic { xmag, ymag }, Some(xmag / ymag), clip)
         }
         Checked::Invalid => return Ok(None),
     };
     let name = json.name.clone().filter(|name| !name.is_empty());
-    Ok(Some(CameraKind { name, projection, aspect }))
+    Ok(Some(CameraKind { name, projection, aspect, clip }))
 }
 
 impl CameraKind {
+    /// The same without near and far plane.
+    fn without_clip(self) -> Self {
+        Self { clip: Camera::NO_CLIP, ..self }
+    }
+
     /// The camera on a node, `None` where the node's transform leaves it no direction to look in.
     pub fn placed(&self, to_world: &DAffine3, fallback_name: &str) -> Option<Camera> {
         Some(Camera {
@@ -84,6 +97,7 @@ impl CameraKind {
             projection: self.projection,
             aspect: self.aspect,
             to_world: without_scale(to_world)?,
+            clip: self.clip,
         })
     }
 }
@@ -122,6 +136,7 @@ pub fn default_camera(bounds: &Aabb) -> Camera {
             Mat3::from_cols(right, up, back),
             center + distance * back,
         ),
+        clip: Camera::NO_CLIP,
     }
 }
 
@@ -161,6 +176,7 @@ mod tests {
             name: None,
             projection: Projection::Perspective { yfov: 1.0 },
             aspect: None,
+            clip: Camera::NO_CLIP,
         };
         let node = DAffine3::from_scale_rotation_translation(
             DVec3::new(-3.0, 0.5, 7.0),

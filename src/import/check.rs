@@ -9,13 +9,30 @@
 
 use super::fault::{Fault, Parsed, quote};
 use super::schema::{self, Field, Kind, Need, Unknown};
+use super::value::{described, numbered};
+use super::warnings::Warnings;
 use serde_json::{Map, Value, json};
+use std::collections::{BTreeSet, HashSet};
 use std::fmt::{Display, Write};
 
 /// Checks a document, in place.
-pub(super) fn document(root: &mut Value, warnings: &mut Vec<String>) -> Parsed<()> {
+pub(super) fn document(root: &mut Value, warnings: &mut Warnings) -> Parsed<()> {
     let counts = counts(root);
-    Checker { counts, path: String::new(), warnings }.value(&schema::ROOT, root)?;
+    let mut checker = Checker { counts, path: String::new(), warnings, used: BTreeSet::new() };
+    checker.value(&schema::ROOT, root)?;
+    let used = checker.used;
+    let listed = |list: &str| root[list].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let declared: BTreeSet<&str> = listed("extensionsUsed").collect();
+    for name in used.iter().map(String::as_str).filter(|name| !declared.contains(name)) {
+        let what = format!("the extension {} is used and not listed here", quote(name));
+        warnings.allow("/extensionsUsed", &what)?;
+    }
+    for (i, name) in listed("extensionsRequired").enumerate() {
+        if !declared.contains(name) {
+            let what = format!("{} is not listed in extensionsUsed", quote(name));
+            warnings.mend(&format!("/extensionsRequired/{i}"), what)?;
+        }
+    }
     let animations = root.get_mut("animations").and_then(Value::as_array_mut);
     animations.into_iter().flatten().enumerate().try_for_each(|(i, value)| animation(i, value))
 }
@@ -40,13 +57,13 @@ fn animation(index: usize, animation: &mut Value) -> Parsed<()> {
 
 /// Checks the property `asset`, which says for which version of glTF a file is written, and so
 /// whether the rest is to be understood at all.
-pub(super) fn asset(root: &Value, warnings: &mut Vec<String>) -> Parsed<()> {
+pub(super) fn asset(root: &Value, warnings: &mut Warnings) -> Parsed<()> {
     let Some(map) = root.as_object() else {
         return Err(Fault::new("", format!("must be an object, and is {}", described(root))));
     };
     let asset = map.get("asset").map(|asset| ("asset", asset.clone()));
     let mut part: Value = asset.into_iter().collect();
-    Checker { counts: Vec::new(), path: String::new(), warnings }
+    Checker { counts: Vec::new(), path: String::new(), warnings, used: BTreeSet::new() }
         .value(&schema::ONLY_ASSET, &mut part)?;
     let asset = &part["asset"];
     let Some(version) = version(asset, "version")? else { return Ok(()) };
@@ -86,9 +103,9 @@ fn version(asset: &Value, key: &str) -> Parsed<Option<(u64, u64)>> {
 /// Checks an object of our own that stands alone, for tests.
 #[cfg(test)]
 pub(super) fn alone(kind: &Kind, value: &mut Value) -> Parsed<()> {
-    let mut warnings = Vec::new();
-    Checker { counts: counts(value), path: String::new(), warnings: &mut warnings }
-        .value(kind, value)
+    let mut warnings = Warnings::new(true);
+    let (path, used) = (String::new(), BTreeSet::new());
+    Checker { counts: counts(value), path, warnings: &mut warnings, used }.value(kind, value)
 }
 
 /// The lengths of the arrays that indices point into.
@@ -104,7 +121,9 @@ struct Checker<'w> {
     counts: Vec<(&'static str, usize)>,
     /// Where the check stands.
     path: String,
-    warnings: &'w mut Vec<String>,
+    warnings: &'w mut Warnings,
+    /// The extensions that objects have.
+    used: BTreeSet<String>,
 }
 
 impl Checker<'_> {
@@ -162,30 +181,45 @@ impl Checker<'_> {
                     Unknown::Refused => {
                         return self.fault(format!("{code} is unknown here; known are {known:?}"));
                     }
+                    Unknown::First => {
+                        *value = known[0].into();
+                        let what = format!("{code} is unknown; taken as {}", known[0]);
+                        return self.warnings.mend(&self.path, what);
+                    }
                     _ => self.warn_of(&code.to_string()),
                 }
                 Ok(())
             }
-            Kind::To(array) => {
+            Kind::To(array) | Kind::Perhaps(array) => {
                 let index = self.integer(value)?;
                 let count = self.counts.iter().find(|(name, _)| name == array).map_or(0, |c| c.1);
                 if index < count as u64 {
                     return Ok(());
                 }
-                self.fault(format!("refers to /{array}/{index}, and {array} has {count}"))
+                let what = format!("refers to /{array}/{index}, and {array} has {count}");
+                match kind {
+                    Kind::Perhaps(_) => self.warnings.mend(&self.path, what),
+                    _ => self.fault(what),
+                }
             }
             Kind::List(kind, least) => {
                 self.list(kind, None, value)?;
-                if value.as_array().is_some_and(|array| array.len() < *least) {
-                    return self.fault("an empty array is not allowed here: leave it out");
+                match value.as_array().is_some_and(Vec::is_empty) {
+                    false => Ok(()),
+                    true if *least > 0 => self.fault("it must not be empty"),
+                    true => self.warnings.mend(&self.path, "an empty array, which is ignored"),
                 }
-                Ok(())
             }
             Kind::Tuple(kind, length) => self.list(kind, Some(*length), value),
             Kind::Object(fields) => self.object(fields, value),
             Kind::Closed(kind) => {
                 self.refuse_unknown(kind, value)?;
                 self.value(kind, value)
+            }
+            Kind::Unread(kind) => {
+                self.value(kind, value)?;
+                *value = json!({});
+                Ok(())
             }
             Kind::Attributes => self.attributes(value),
             Kind::Extras(own) => match value.get_mut("lumicache") {
@@ -210,8 +244,8 @@ impl Checker<'_> {
                     .fault(format!("{name} is unknown here; known are {}", known.join(", ")));
             }
             Unknown::First => {
-                self.warnings
-                    .push(format!("{}: {name} is unknown; taken as {}", self.path, known[0]));
+                let what = format!("{}: {name} is unknown; taken as {}", self.path, known[0]);
+                self.warnings.push(what);
                 *value = known[0].into();
             }
             Unknown::Kept => self.warn_of(&name),
@@ -229,18 +263,25 @@ impl Checker<'_> {
         if !(x as f32).is_finite() {
             return self.fault(format!("the number {x:e} is too large"));
         }
-        // Exporters write bounds with a rounding error.
-        let slack = 1e-5;
+        if (low..=high).contains(&x) {
+            return Ok(());
+        }
+        let what = match high.is_finite() {
+            true => format!("{x} is not from {low} to {high}"),
+            false => format!("{x} is less than {low}"),
+        };
+        // What is further away may be meant as percents, as bytes, or in another way.
+        let slack = if high.is_finite() { high - low } else { 1e-5 };
         if x < low - slack || x > high + slack {
-            return self.fault(match high.is_finite() {
-                true => format!("{x} is not from {low} to {high}"),
-                false => format!("{x} is less than {low}"),
-            });
+            return self.fault(what);
         }
-        if x < low || x > high {
-            *value = x.clamp(low, high).into();
+        let nearest = x.clamp(low, high);
+        *value = nearest.into();
+        // Less than single precision tells apart is no news.
+        if (x - nearest).abs() <= 1e-6 {
+            return Ok(());
         }
-        Ok(())
+        self.warnings.mend(&self.path, format!("{what}; taken as {nearest}"))
     }
 
     /// An integer of at least 0.
@@ -253,6 +294,7 @@ impl Checker<'_> {
         match value.as_f64() {
             Some(x) if exact(&x) => {
                 *value = (x as u64).into();
+                self.warnings.allow(&self.path, "an integer is written with a fraction")?;
                 Ok(x as u64)
             }
             Some(_) => self.fault(format!("must be an integer of at least 0, and is {value}")),
@@ -266,12 +308,51 @@ impl Checker<'_> {
             let what = format!("must have {length} elements, and has {}", elements.len());
             return self.fault(what);
         }
-        elements.iter_mut().enumerate().try_for_each(|(i, value)| self.below(i, kind, value))
+        elements.iter_mut().enumerate().try_for_each(|(i, value)| self.below(i, kind, value))?;
+        if matches!(kind, Kind::To(_) | Kind::Text) {
+            let mut seen = HashSet::new();
+            if let Some(twice) = elements.iter().find(|element| !seen.insert(*element)) {
+                let what = match twice {
+                    Value::String(text) => format!("it lists {} twice", quote(text)),
+                    _ => format!("it lists {twice} twice"),
+                };
+                return self.warnings.mend(&self.path, what);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks where extensions stand: those that we know may not be anywhere.
+    fn extensions(&mut self, fields: &[Field], value: &Value) -> Parsed<()> {
+        let Value::Object(map) = value else {
+            let what = format!("must be an object, and is {}", described(value));
+            return Err(Fault::new(format!("{}/extensions", self.path), what));
+        };
+        let here = fields.iter().find(|field| field.name == "extensions").map(|field| &field.kind);
+        let here = if let Some(Kind::Object(fields)) = here { fields } else { &[][..] };
+        for (name, value) in map {
+            let at = format!("{}/extensions/{name}", self.path);
+            self.used.insert(name.clone());
+            if schema::PLACED.contains(&name.as_str())
+                && here.iter().all(|field| field.name != name)
+            {
+                self.warnings.mend(&at, "this extension means nothing here, and is ignored")?;
+            } else if !value.is_object() {
+                return Err(Fault::new(
+                    at,
+                    format!("must be an object, and is {}", described(value)),
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Checks the properties of an object, and removes those that the schema does not name.
     fn object(&mut self, fields: &[Field], value: &mut Value) -> Parsed<()> {
         let Value::Object(map) = value else { return self.mismatch("an object", value) };
+        if let Some(extensions) = map.get("extensions") {
+            self.extensions(fields, extensions)?;
+        }
         map.retain(|key, _| fields.iter().any(|field| field.name == key));
         for field in fields {
             if let Some(value) = map.get_mut(field.name) {
@@ -305,16 +386,30 @@ impl Checker<'_> {
         }
     }
 
-    /// The attributes of a primitive: those that are read must refer to accessors, the others go.
+    /// The attributes of a primitive: all must refer to accessors, and those that are not read go.
     fn attributes(&mut self, value: &mut Value) -> Parsed<()> {
         let Value::Object(map) = value else { return self.mismatch("an object", value) };
-        // The crate would take JOINTS_01 for JOINTS_1.
-        let set = |number: &str| number == "0" || number.starts_with(|c| ('1'..='9').contains(&c));
+        if map.is_empty() {
+            self.warnings.mend(&self.path, "it has no attributes, and shows nothing")?;
+        }
+        map.iter_mut()
+            .try_for_each(|(key, value)| self.below(key, &Kind::To("accessors"), value))?;
+        for key in map.keys().filter(|key| !key.starts_with('_')) {
+            let at = format!("{}/{key}", self.path);
+            let set = schema::SETS.iter().find_map(|set| numbered(key, set));
+            match set {
+                None if schema::ATTRIBUTES.contains(&key.as_str()) => {}
+                None => self.warnings.mend(&at, "an attribute that glTF does not know")?,
+                Some((_, 0)) => {}
+                Some((set, number)) if map.contains_key(&format!("{set}{}", number - 1)) => {}
+                Some(_) => self.warnings.mend(&at, "the attribute before it is missing")?,
+            }
+        }
         map.retain(|key, _| {
-            let skinned = key.strip_prefix("JOINTS_").or(key.strip_prefix("WEIGHTS_"));
-            schema::ATTRIBUTES.contains(&key.as_str()) || skinned.is_some_and(set)
+            let skinned = numbered(key, "JOINTS_").or(numbered(key, "WEIGHTS_"));
+            schema::ATTRIBUTES.contains(&key.as_str()) || skinned.is_some()
         });
-        map.iter_mut().try_for_each(|(key, value)| self.below(key, &Kind::To("accessors"), value))
+        Ok(())
     }
 
     fn brdf(&mut self, value: &mut Value) -> Parsed<()> {
@@ -328,17 +423,6 @@ impl Checker<'_> {
     }
 }
 
-fn described(value: &Value) -> &'static str {
-    match value {
-        Value::Null => "null",
-        Value::Bool(_) => "a boolean",
-        Value::Number(_) => "a number",
-        Value::String(_) => "a string",
-        Value::Array(_) => "an array",
-        Value::Object(_) => "an object",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -347,7 +431,7 @@ mod tests {
     fn complaints_name_the_place() {
         let node = |node: Value| {
             let mut document = json!({"asset": {"version": "2.0"}, "nodes": [node]});
-            let fault = super::document(&mut document, &mut Vec::new()).unwrap_err();
+            let fault = super::document(&mut document, &mut Warnings::default()).unwrap_err();
             format!("{}: {}", fault.path, fault.what)
         };
         for (object, says) in [
@@ -373,17 +457,26 @@ mod tests {
             "asset": {"version": "2.0"},
             "scene": 0.0,
             "scenes": [{"foo": 1}],
-            "materials": [{"alphaMode": "x", "pbrMetallicRoughness": {"metallicFactor": 1.000001}}],
+            "materials": [{"alphaMode": "x", "pbrMetallicRoughness": {"metallicFactor": 1.001}}],
+            "images": [],
         });
-        let mut warnings = Vec::new();
+        let mut warnings = Warnings::default();
         super::document(&mut document, &mut warnings).unwrap();
         let wanted = json!({
             "asset": {"version": "2.0"},
             "scene": 0,
             "scenes": [{"nodes": []}],
             "materials": [{"alphaMode": "OPAQUE", "pbrMetallicRoughness": {"metallicFactor": 1.0}}],
+            "images": [],
         });
         assert_eq!(document, wanted);
-        assert_eq!(warnings, ["/materials/0/alphaMode: \"x\" is unknown; taken as OPAQUE"]);
+        assert_eq!(
+            warnings.lines(),
+            [
+                "/materials/0/pbrMetallicRoughness/metallicFactor: 1.001 is not from 0 to 1; taken as 1",
+                "/materials/0/alphaMode: \"x\" is unknown; taken as OPAQUE",
+                "/images: an empty array, which is ignored",
+            ]
+        );
     }
 }

@@ -1,10 +1,11 @@
 //! Measured luminaires: IES files, EXT_lights_ies, and the same as `extras`; the format of the
 //! latter is documented at [`super`].
 
+use super::budget::Budget;
 use super::buffers::Buffers;
 use super::document::Document;
 use super::fault::{Fault, Parsed, quote};
-use super::uri::{self, Target};
+use super::uri::{self, Folder, OUTSIDE, Target};
 use super::value::{float, floats, index};
 use super::{ImportOptions, LightUnits};
 use crate::error::{Error, Result};
@@ -12,7 +13,7 @@ use crate::light::{IesProfile, PunctualLight};
 use crate::math::{Color, Mat3};
 use glam::{DAffine3, DVec3};
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -25,19 +26,28 @@ const LONGEST_FILE: u64 = 1 << 23;
 /// [`Error::Scene`] that names the file and the line, [`Error::InvalidArgument`] if the file cannot
 /// be read.
 pub fn ies(path: &Path) -> Result<IesProfile> {
-    let bytes =
-        uri::read(path, "", LONGEST_FILE).map_err(|fault| Error::InvalidArgument(fault.what))?;
-    IesProfile::parse(&bytes, &|name| tilt_file(name, path.parent().unwrap_or(Path::new(""))))
+    read(path, &Folder::of(path, false), &mut Budget::new(None))
+}
+
+/// As [`ies`], for a file that belongs to a scene in `folder`.
+fn read(path: &Path, folder: &Folder, budget: &mut Budget) -> Result<IesProfile> {
+    let bytes = uri::read(path, "", LONGEST_FILE, budget);
+    let bytes = bytes.map_err(|fault| Error::InvalidArgument(fault.what))?;
+    let beside = |name: &str| tilt_file(name, path, folder);
+    IesProfile::parse(&bytes, &beside)
         .map_err(|fault| Error::scene(path, format!("line {}", fault.line), fault.what))
 }
 
-/// The file that a line TILT=NAME names: one beside the IES file.
-fn tilt_file(name: &str, folder: &Path) -> std::result::Result<Vec<u8>, String> {
-    let name = Path::new(name);
-    if !name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
+/// The file that a line TILT=NAME of the IES file at `path` names: one beside it.
+fn tilt_file(name: &str, path: &Path, folder: &Folder) -> std::result::Result<Vec<u8>, String> {
+    if !Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
+    {
         return Err("only a file beside the IES file is read".to_owned());
     }
-    uri::read(&folder.join(name), "", LONGEST_FILE).map_err(|fault| fault.what)
+    let beside = path.with_file_name(name);
+    let file = folder.file_at(&beside).ok_or_else(|| format!("it {OUTSIDE}"))?;
+    let mut budget = Budget::new(Some(LONGEST_FILE));
+    uri::read(&file, "", LONGEST_FILE, &mut budget).map_err(|fault| fault.what)
 }
 
 /// A profile as a node or a light of the document uses it.
@@ -94,16 +104,22 @@ impl Luminaire {
 
 /// The IES files of a document, each read once.
 pub(super) struct Profiles<'a> {
-    folder: &'a Path,
+    folder: &'a Folder,
+    budget: &'a mut Budget,
     files: HashMap<PathBuf, Arc<IesProfile>>,
+    /// Those inside the document, by their contents.
+    embedded: HashMap<blake3::Hash, Arc<IesProfile>>,
     listed: Vec<Arc<IesProfile>>,
 }
 
 impl<'a> Profiles<'a> {
     /// Reads the profiles that EXT_lights_ies lists.
-    pub fn parse(document: &'a Document, buffers: &Buffers) -> Parsed<Self> {
+    pub fn parse(
+        document: &'a Document, buffers: &Buffers, budget: &'a mut Budget,
+    ) -> Parsed<Self> {
+        let (files, embedded) = (HashMap::new(), HashMap::new());
         let mut profiles =
-            Self { folder: document.folder, files: HashMap::new(), listed: Vec::new() };
+            Self { folder: &document.folder, budget, files, embedded, listed: Vec::new() };
         let lights = document.json["extensions"]["EXT_lights_ies"]["lights"].as_array();
         for (i, json) in lights.into_iter().flatten().enumerate() {
             let path = format!("/extensions/EXT_lights_ies/lights/{i}");
@@ -122,7 +138,7 @@ impl<'a> Profiles<'a> {
                 }
                 let at = format!("{path}/bufferView");
                 let bytes = buffers.bytes(view).map_err(|why| Fault::new(at.as_str(), why))?;
-                embedded(bytes, &at)
+                self.embedded(bytes, &at)
             }
             _ => Err(Fault::new(path, "must have either a uri or a bufferView, and not both")),
         }
@@ -131,59 +147,62 @@ impl<'a> Profiles<'a> {
     /// The profile that `uri`, which stands at the JSON path `at`, refers to.
     fn load(&mut self, uri: &str, at: &str) -> Parsed<Arc<IesProfile>> {
         match uri::resolve(uri, at, self.folder)? {
-            Target::Data { bytes, .. } => embedded(&bytes, at),
+            Target::Data { bytes, .. } => self.embedded(&bytes, at),
             Target::File(file) => {
                 if let Some(profile) = self.files.get(&file) {
                     return Ok(Arc::clone(profile));
                 }
-                let profile =
-                    Arc::new(ies(&file).map_err(|error| Fault::new(at, error.to_string()))?);
+                let profile = read(&file, self.folder, self.budget);
+                let profile = Arc::new(profile.map_err(|error| Fault::new(at, error.to_string()))?);
                 self.files.insert(file, Arc::clone(&profile));
                 Ok(profile)
             }
-            Target::Absolute => Err(Fault::new(
-                at,
-                format!(
-                    "the uri {} is not relative to the scene file, and only such files are read",
-                    quote(uri)
-                ),
-            )),
+            Target::Absolute => {
+                Err(Fault::new(at, format!("the uri {} names no file", quote(uri))))
+            }
         }
     }
 
     /// The luminaire of each node, by EXT_lights_ies or by its `extras`.
     pub fn nodes(
         &mut self, document: &Document, options: &ImportOptions,
-    ) -> Parsed<Vec<Option<Luminaire>>> {
+    ) -> Parsed<BTreeMap<usize, Luminaire>> {
         let units = options.light_units;
         let nodes = document.json["nodes"].as_array();
-        let mut luminaires = Vec::new();
+        let mut luminaires = BTreeMap::new();
         for (i, node) in nodes.into_iter().flatten().enumerate() {
             let (reference, extras) =
                 (&node["extensions"]["EXT_lights_ies"], &node["extras"]["lumicache"]);
-            luminaires.push(match (index(&reference["light"]), extras["ies"].as_str()) {
-                (None, None) => None,
+            let luminaire = match (index(&reference["light"]), extras["ies"].as_str()) {
+                (None, None) => continue,
                 (Some(_), Some(_)) => {
                     let what = "it has a luminaire by EXT_lights_ies and another in its extras";
                     return Err(Fault::new(format!("/nodes/{i}"), what));
                 }
                 (Some(light), None) => {
-                    Some(Luminaire::of_node(reference, Arc::clone(&self.listed[light]), units))
+                    Luminaire::of_node(reference, Arc::clone(&self.listed[light]), units)
                 }
                 (None, Some(uri)) => {
                     let profile = self.load(uri, &format!("/nodes/{i}/extras/lumicache/ies"))?;
-                    Some(Luminaire::of_node(extras, profile, units))
+                    Luminaire::of_node(extras, profile, units)
                 }
-            });
+            };
+            luminaires.insert(i, luminaire);
         }
         Ok(luminaires)
     }
-}
 
-fn embedded(bytes: &[u8], at: &str) -> Parsed<Arc<IesProfile>> {
-    let no_folder =
-        |_: &str| Err("an IES file inside another file has no folder to look in".to_owned());
-    IesProfile::parse(bytes, &no_folder)
-        .map(Arc::new)
-        .map_err(|fault| Fault::new(at, format!("the IES file is broken: {fault}")))
+    fn embedded(&mut self, bytes: &[u8], at: &str) -> Parsed<Arc<IesProfile>> {
+        let contents = blake3::hash(bytes);
+        if let Some(profile) = self.embedded.get(&contents) {
+            return Ok(Arc::clone(profile));
+        }
+        let no_folder =
+            |_: &str| Err("an IES file inside another file has no folder to look in".to_owned());
+        let profile = IesProfile::parse(bytes, &no_folder)
+            .map(Arc::new)
+            .map_err(|fault| Fault::new(at, format!("the IES file is broken: {fault}")))?;
+        self.embedded.insert(contents, Arc::clone(&profile));
+        Ok(profile)
+    }
 }

@@ -4,6 +4,7 @@ use super::ImportOptions;
 use super::document::Document;
 use super::fault::{Fault, Parsed};
 use super::ies::{Luminaire, Profiles};
+use super::warnings::Warnings;
 use crate::light::{PunctualLight, versine};
 use crate::math::{Color, Vec3};
 use glam::{DAffine3, DVec3};
@@ -32,26 +33,26 @@ pub(super) struct Light {
 
 /// All lights of the document; `None` for one of an unknown type.
 pub(super) fn lights(
-    document: &Document, options: &ImportOptions, profiles: &mut Profiles,
+    document: &Document, options: &ImportOptions, profiles: &mut Profiles, warnings: &mut Warnings,
 ) -> Parsed<Vec<Option<Light>>> {
     let lights: &[json::Light] = document.root().as_ref();
     let read = |(i, json)| {
         let path = format!("/extensions/KHR_lights_punctual/lights/{i}");
-        light(json, &path, document, options, profiles)
+        light(json, &path, document, options, profiles, warnings)
     };
     lights.iter().enumerate().map(read).collect()
 }
 
 fn light(
     json: &json::Light, path: &str, document: &Document, options: &ImportOptions,
-    profiles: &mut Profiles,
+    profiles: &mut Profiles, warnings: &mut Warnings,
 ) -> Parsed<Option<Light>> {
     let color = Color::from_array(json.color);
     let kind = match (json.type_, &json.spot) {
         (Checked::Invalid, _) => return Ok(None),
         (Checked::Valid(json::Type::Point), _) => Kind::Point,
         (Checked::Valid(json::Type::Directional), _) => Kind::Directional,
-        (Checked::Valid(json::Type::Spot), Some(spot)) => self::spot(spot, path)?,
+        (Checked::Valid(json::Type::Spot), Some(spot)) => self::spot(spot, path, warnings)?,
         (Checked::Valid(json::Type::Spot), None) => {
             return Err(Fault::new(path, "the property \"spot\" is missing"));
         }
@@ -70,14 +71,17 @@ fn light(
     Ok(Some(Light { kind, intensity, range: json.range.unwrap_or(f32::INFINITY) }))
 }
 
-fn spot(json: &json::Spot, path: &str) -> Parsed<Kind> {
-    let (inner, outer) = (json.inner_cone_angle, json.outer_cone_angle);
+fn spot(json: &json::Spot, path: &str, warnings: &mut Warnings) -> Parsed<Kind> {
+    let (mut inner, mut outer) = (json.inner_cone_angle, json.outer_cone_angle);
+    let at = format!("{path}/spot/innerConeAngle");
+    if inner > outer {
+        warnings.mend(&at, format!("{inner} exceeds the outer angle {outer}: they are swapped"))?;
+        (inner, outer) = (outer, inner);
+    } else if inner == outer {
+        warnings.mend(&at, "it equals the outer angle, and should be less")?;
+    }
     if outer <= 0.0 {
         return Err(Fault::new(format!("{path}/spot/outerConeAngle"), "must be greater than 0"));
-    }
-    if inner > outer {
-        let what = format!("{inner} exceeds the outer angle {outer}");
-        return Err(Fault::new(format!("{path}/spot/innerConeAngle"), what));
     }
     Ok(Kind::Spot { inner: versine(inner), outer: versine(outer) })
 }

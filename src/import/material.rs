@@ -5,11 +5,13 @@ use super::fault::{Fault, Parsed, label};
 use super::native;
 use super::texture::Textures;
 use super::value::float;
+use super::warnings::Warnings;
 use crate::material::{AlphaMode, Material};
 use crate::math::Color;
 use crate::texture::{ColorSpace, TextureRef};
 use gltf::material::AlphaMode as Mode;
 use serde_json::Value;
+use std::collections::BTreeSet;
 
 /// Extensions of materials that show, and that we do not read.
 const LEFT_OUT: [(&str, &str); 6] = [
@@ -21,9 +23,9 @@ const LEFT_OUT: [(&str, &str); 6] = [
     ("KHR_materials_subsurface", "subsurface scattering"),
 ];
 
-/// All materials of the document.
+/// All materials of the document; those that are not `shown` have no textures.
 pub(super) fn materials(
-    document: &Document, textures: &mut Textures, warnings: &mut Vec<String>,
+    document: &Document, shown: &BTreeSet<usize>, textures: &mut Textures, warnings: &mut Warnings,
 ) -> Parsed<Vec<Material>> {
     let materials = document.gltf.materials();
     for (name, what) in LEFT_OUT {
@@ -34,7 +36,8 @@ pub(super) fn materials(
     }
     let read = |(i, gltf)| {
         let (path, json) = (format!("/materials/{i}"), &document.json["materials"][i]);
-        Reader { gltf, json, path, textures: &mut *textures, warnings: &mut *warnings }.material()
+        let (shown, textures, warnings) = (shown.contains(&i), &mut *textures, &mut *warnings);
+        Reader { gltf, json, path, shown, textures, warnings }.material()
     };
     materials.enumerate().map(read).collect()
 }
@@ -44,14 +47,15 @@ struct Reader<'r, 'a> {
     /// The same as the document has it.
     json: &'r Value,
     path: String,
+    shown: bool,
     textures: &'r mut Textures<'a>,
-    warnings: &'r mut Vec<String>,
+    warnings: &'r mut Warnings,
 }
 
 impl Reader<'_, '_> {
     /// The texture at `place` below the material.
     fn texture(&mut self, place: &str, space: ColorSpace) -> Parsed<Option<TextureRef>> {
-        let Some(info) = self.json.pointer(place) else { return Ok(None) };
+        let Some(info) = self.json.pointer(place).filter(|_| self.shown) else { return Ok(None) };
         self.textures.reference(info, &format!("{}{place}", self.path), space, self.warnings)
     }
 
@@ -91,10 +95,8 @@ impl Reader<'_, '_> {
         material.normal_texture = self.texture("/normalTexture", ColorSpace::Linear)?;
         material.emission = Color::from_array(self.gltf.emissive_factor());
         if material.emission.max_element() > 1.0 {
-            self.warnings.push(format!(
-                "{}: emissiveFactor exceeds 1; it is taken as it stands",
-                label(&self.path, self.json)
-            ));
+            let at = format!("{}/emissiveFactor", self.path);
+            self.warnings.mend(&at, "it exceeds 1, and is taken as it stands")?;
         }
         material.emission_texture = self.texture("/emissiveTexture", ColorSpace::Srgb)?;
         material.alpha_mode = match self.gltf.alpha_mode() {
@@ -109,9 +111,13 @@ impl Reader<'_, '_> {
     /// KHR_materials_ior, _specular, _transmission and _volume.
     fn dielectric(&mut self, material: &mut Material) -> Parsed<()> {
         if let Some(n) = self.gltf.ior() {
-            if n != 0.0 && n < 1.0 {
-                let at = format!("{}/extensions/KHR_materials_ior/ior", self.path);
+            let at = format!("{}/extensions/KHR_materials_ior/ior", self.path);
+            if n < 0.0 {
                 return Err(Fault::new(at, format!("{n} is neither 0 nor at least 1")));
+            }
+            if n != 0.0 && n < 1.0 {
+                self.warnings
+                    .mend(&at, format!("{n} is neither 0 nor at least 1; read as given"))?;
             }
             material.ior = n;
         }
@@ -174,7 +180,8 @@ impl Reader<'_, '_> {
         let (place, glossiness) =
             (format!("{at}/specularGlossinessTexture"), old.glossiness_factor());
         material.specular_color_texture = self.texture(&place, ColorSpace::Srgb)?;
-        material.metallic_roughness_texture = match self.json.pointer(&place) {
+        material.metallic_roughness_texture = match self.json.pointer(&place).filter(|_| self.shown)
+        {
             Some(info) => self.textures.roughness_from_glossiness(
                 info,
                 &format!("{}{place}", self.path),

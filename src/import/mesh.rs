@@ -6,6 +6,7 @@ use super::document::Document;
 use super::fault::{Fault, Parsed, label, name};
 use super::topology::{self, Mode};
 use super::value::index;
+use super::warnings::Warnings;
 use crate::geometry::TriangleMesh;
 use crate::math::{Vec2, Vec3, Vec4};
 use gltf::json::{mesh as json, validation::Checked};
@@ -29,11 +30,35 @@ pub(super) struct Recipe {
     mode: Mode,
     attributes: Attributes,
     /// Accessors of joint numbers and weights, four joints to a set.
-    joints: Vec<(usize, usize)>,
+    pub joints: Vec<(usize, usize)>,
     indices: Option<usize>,
     /// Index of the material.
     pub material: Option<usize>,
     targets: Vec<Attributes>,
+}
+
+impl Recipe {
+    /// What the specification demands and nothing here needs, of the primitive at `path`.
+    fn check(&self, path: &str, accessors: &Accessors, warnings: &mut Warnings) -> Parsed<()> {
+        let at = format!("{path}/attributes/POSITION");
+        let bounds = |i: usize| accessors.list[i].bounds.iter().all(Option::is_some);
+        if !self.attributes.position.is_some_and(bounds) {
+            warnings.allow(&at, "its accessor has no min and max")?;
+        }
+        let base = self.attributes.all();
+        for (k, target) in self.targets.iter().enumerate() {
+            if target
+                .all()
+                .iter()
+                .zip(base)
+                .any(|(target, base)| target.is_some() && base.is_none())
+            {
+                let what = "it changes an attribute that the primitive does not have";
+                warnings.mend(&format!("{path}/targets/{k}"), what)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A primitive that makes triangles.
@@ -54,11 +79,14 @@ pub(super) struct Mesh {
     pub primitives: Vec<Primitive>,
     /// Default weights of the morph targets.
     pub weights: Vec<f32>,
+    /// Number of morph targets.
+    pub targets: usize,
 }
 
-/// Reads and checks all meshes of the document.
+/// Reads and checks all meshes of the document; `highest` is the highest value of each accessor's
+/// first component.
 pub(super) fn meshes(
-    document: &Document, accessors: &Accessors, warnings: &mut Vec<String>,
+    document: &Document, accessors: &Accessors, highest: &[f64], warnings: &mut Warnings,
 ) -> Parsed<Vec<Mesh>> {
     let mut meshes = Vec::new();
     for (i, mesh) in document.root().meshes.iter().enumerate() {
@@ -77,6 +105,13 @@ pub(super) fn meshes(
                 return Err(Fault::new(at, what));
             }
             let recipe = self::primitive(primitive, &json["primitives"][k], &at, accessors)?;
+            if let Some(Recipe { indices: Some(indices), attributes, .. }) = &recipe {
+                let position = attributes.position.map(|i| &accessors.list[i]);
+                check_indices(*indices, position, highest, accessors)?;
+            }
+            if let Some(recipe) = &recipe {
+                recipe.check(&at, accessors, warnings)?;
+            }
             primitives.extend(recipe.map(|recipe| Primitive { path: at, recipe }));
         }
         let skipped = mesh.primitives.len() - primitives.len();
@@ -87,9 +122,26 @@ pub(super) fn meshes(
             ));
         }
         let name = name(json).map_or(path, str::to_owned);
-        meshes.push(Mesh { name, primitives, weights });
+        meshes.push(Mesh { name, primitives, weights, targets: targets(0) });
     }
     Ok(meshes)
+}
+
+/// Checks that no index is beyond the vertices.
+fn check_indices(
+    indices: usize, position: Option<&Accessor>, highest: &[f64], accessors: &Accessors,
+) -> Parsed<()> {
+    let Some(position) = position.filter(|p| highest[indices] >= p.count as f64) else {
+        return Ok(());
+    };
+    let indices = &accessors.list[indices];
+    let values = accessors.read_indices(indices, &mut Budget::new(None))?;
+    let beyond = values.iter().position(|v| u64::from(*v) >= position.count).unwrap_or(0);
+    let what = format!(
+        "element {beyond} is the vertex {}, and {} has {}",
+        values[beyond], position.path, position.count
+    );
+    Err(Fault::new(indices.path.as_str(), what))
 }
 
 /// Reads a primitive; `None` for one that makes no triangles.
@@ -167,10 +219,12 @@ fn attributes(json: &Value, at: &str, accessors: &Accessors, base: bool) -> Pars
 }
 
 impl Attributes {
-    fn accessors(&self) -> impl Iterator<Item = usize> {
+    fn all(&self) -> [Option<usize>; 6] {
         [self.position, self.normal, self.tangent, self.uv[0], self.uv[1], self.color]
-            .into_iter()
-            .flatten()
+    }
+
+    fn accessors(&self) -> impl Iterator<Item = usize> {
+        self.all().into_iter().flatten()
     }
 }
 
@@ -222,7 +276,7 @@ pub(super) fn build(
         None => return Err(Fault::new(primitive.path.as_str(), "it has no POSITION")),
     };
     let mut triangles = match indices {
-        Some(indices) => indexed(*mode, &accessors.list[*indices], position, accessors, budget)?,
+        Some(indices) => indexed(*mode, &accessors.list[*indices], accessors, budget)?,
         None => {
             budget.spend(position.count, 12, &position.path)?;
             let count = u32::try_from(position.count)
@@ -263,16 +317,9 @@ pub(super) fn build(
 }
 
 fn indexed(
-    mode: Mode, indices: &Accessor, position: &Accessor, accessors: &Accessors, budget: &mut Budget,
+    mode: Mode, indices: &Accessor, accessors: &Accessors, budget: &mut Budget,
 ) -> Parsed<Vec<[u32; 3]>> {
     let values = accessors.read_indices(indices, budget)?;
-    if let Some(i) = values.iter().position(|v| u64::from(*v) >= position.count) {
-        let what = format!(
-            "element {i} is the vertex {}, and {} has {}",
-            values[i], position.path, position.count
-        );
-        return Err(Fault::new(indices.path.as_str(), what));
-    }
     budget.spend(values.len() as u64, 12, &indices.path)?;
     Ok(topology::triangulate(mode, values.len(), |i| values[i]))
 }

@@ -195,7 +195,7 @@ mod tests {
             extension["byteStride"].as_u64().unwrap() * extension["count"].as_u64().unwrap();
         let view = json!({"extensions": {"KHR_meshopt_compression": extension}});
         let compressed = Compressed::of(&view, "")?.unwrap();
-        compressed.decode(source, length, &mut Budget::of_geometry())
+        compressed.decode(source, length, &mut Budget::new(None))
     }
 
     #[test]

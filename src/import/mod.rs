@@ -17,12 +17,14 @@
 //! # How strict it is
 //!
 //! The whole document is checked, also what no scene shows: references, ranges, buffer views,
-//! accessors and their numbers, images. What breaks the specification is an error with its JSON
-//! path. Only where files in circulation break it and no harm comes of it is there a warning
-//! instead: normals and quaternions of the wrong length, declared bounds wider than the data, an
-//! emissiveFactor above 1, unknown names in enumerations, references of textures that no material
-//! uses. Memory is bounded by the size of the files: an accessor of a billion elements in a file of
-//! a hundred bytes is refused before anything is allocated.
+//! accessors and their numbers. What leaves the meaning open or is not safe is an error with its
+//! JSON path. What does no harm is mended with a warning, and is an error too where
+//! [`ImportOptions::strict`] says so; docs/guide/gltf.md has the table. Images that no shown
+//! material reads are not opened.
+//!
+//! Memory is bounded by the size of the files or by [`ImportOptions::memory_limit`], before it is
+//! allocated. Files outside the scene's folder are not read unless [`ImportOptions::allow_outside`]
+//! says so.
 //!
 //! # Native materials
 //!
@@ -71,6 +73,7 @@
 
 mod environment;
 mod fault;
+mod warnings;
 mod schema;
 mod tangents;
 mod topology;
@@ -87,14 +90,14 @@ mod extensions;
 mod document;
 mod buffers;
 mod camera;
-mod node;
 mod accessor;
 mod ies;
 mod image;
 mod accessor_check;
-mod animation;
 mod light;
 mod mesh;
+mod node;
+mod animation;
 mod texture;
 mod material;
 mod skin;
@@ -106,6 +109,7 @@ pub use ies::ies;
 
 use crate::accel::Backend;
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::light::LUMINOUS_EFFICACY;
 use crate::scene::{Scene, SceneData};
 use accessor::Accessors;
@@ -116,8 +120,10 @@ use document::Document;
 use fault::Parsed;
 use ies::Profiles;
 use node::Graph;
+use std::io::Read;
 use std::path::Path;
 use texture::Textures;
+use warnings::Warnings;
 
 /// How the intensities of punctual lights are to be understood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -156,6 +162,14 @@ pub struct ImportOptions {
     pub scene: Option<SceneChoice>,
     /// Units of point, spot and directional lights.
     pub light_units: LightUnits,
+    /// What breaks the specification and could be mended is an error too.
+    pub strict: bool,
+    /// Files outside the scene's folder may be read too.
+    pub allow_outside: bool,
+    /// Bytes that reading may take; `None` is 1 GiB and 64 for each byte of the files.
+    pub memory_limit: Option<u64>,
+    /// Cameras see what is nearer than their near plane and farther than their far plane too.
+    pub no_clip: bool,
 }
 
 /// Reads the glTF 2.0 file at `path` and builds its scene. The returned lines tell the user what
@@ -181,40 +195,51 @@ pub fn gltf(path: &Path, options: &ImportOptions) -> Result<SceneData> {
     if !metadata.is_file() {
         return Err(Error::scene(path, "", "it is not a regular file"));
     }
-    if metadata.len() > u64::from(u32::MAX) {
-        return Err(Error::scene(
-            path,
-            "",
-            "it is larger than 4 GiB, which no GLB can be and no document should",
-        ));
+    let mut file = fsutil::open(path)?;
+    let mut head = Vec::new();
+    file.by_ref().take(container::HEAD).read_to_end(&mut head).map_err(Error::io(path))?;
+    if let Some(what) = container::foreign(&head, path) {
+        return Err(Error::unsupported(path, "", what));
     }
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    read(&bytes, path, options).map_err(|fault| fault.into_error(path))
+    if metadata.len() > u64::from(u32::MAX) {
+        let what = "it is larger than 4 GiB, which no GLB can be and no document should";
+        return Err(Error::scene(path, "", what));
+    }
+    let mut budget = Budget::new(options.memory_limit);
+    budget.read(metadata.len(), "").map_err(|fault| fault.into_error(path))?;
+    let mut bytes = head;
+    file.read_to_end(&mut bytes).map_err(Error::io(path))?;
+    read(&bytes, path, options, &mut budget).map_err(|fault| fault.into_error(path))
 }
 
-fn read(bytes: &[u8], path: &Path, options: &ImportOptions) -> Parsed<SceneData> {
+fn read(
+    bytes: &[u8], path: &Path, options: &ImportOptions, budget: &mut Budget,
+) -> Parsed<SceneData> {
     let mut scene = SceneData::default();
-    let warnings = &mut scene.warnings;
-    let mut budget = Budget::of_geometry();
-    budget.feed(bytes.len() as u64);
-    let document = Document::read(bytes, path, warnings)?;
-    let buffers = Buffers::parse(&document, &mut budget, warnings)?;
+    let warnings = &mut Warnings::new(options.strict);
+    let document = Document::read(bytes, path, options.allow_outside, budget, warnings)?;
+    let buffers = Buffers::parse(&document, budget, warnings)?;
     let accessors = Accessors::parse(&document, buffers)?;
-    accessor_check::check(&accessors, &mut budget.of_work(), warnings)?;
-    let mut textures = Textures::parse(&document, accessors.buffers(), warnings)?;
-    scene.materials = material::materials(&document, &mut textures, warnings)?;
-    let meshes = mesh::meshes(&document, &accessors, warnings)?;
-    let cameras = camera::cameras(&document, warnings)?;
-    let mut profiles = Profiles::parse(&document, accessors.buffers())?;
-    let lights = light::lights(&document, options, &mut profiles)?;
+    let highest = accessor_check::check(&accessors, &mut budget.of_work(), warnings)?;
+    let meshes = mesh::meshes(&document, &accessors, &highest, warnings)?;
+    let graph = Graph::parse(&document, budget, warnings)?;
+    graph.check_meshes(&meshes, warnings)?;
+    let roots = node::scene_roots(&document, &graph, options.scene.as_ref(), warnings)?;
+    let nodes = graph.reachable(&roots);
+    let shown = nodes.iter().filter_map(|i| Some(&meshes[graph.nodes[i].mesh?]));
+    let shown = shown.flat_map(|mesh| &mesh.primitives).filter_map(|p| p.recipe.material).collect();
+    let mut textures = Textures::parse(&document, accessors.buffers(), &shown, budget, warnings)?;
+    scene.materials = material::materials(&document, &shown, &mut textures, warnings)?;
+    scene.textures = textures.build();
+    let cameras = camera::cameras(&document, options, warnings)?;
+    let mut profiles = Profiles::parse(&document, accessors.buffers(), budget)?;
+    let lights = light::lights(&document, options, &mut profiles, warnings)?;
     let luminaires = profiles.nodes(&document, options)?;
     let skins = skin::skins(&document, &accessors)?;
-    let graph = Graph::parse(&document, warnings)?;
-    let motions = animation::motions(&document, &accessors, &graph, &mut budget, warnings)?;
-    let roots = node::scene_roots(&document, &graph, options.scene.as_ref(), warnings)?;
+    let motions = animation::motions(&document, &accessors, &graph, budget, warnings)?;
 
-    scene.textures = textures.build();
     let parts = Parts {
+        document: &document,
         accessors: &accessors,
         graph: &graph,
         meshes: &meshes,
@@ -224,5 +249,7 @@ fn read(bytes: &[u8], path: &Path, options: &ImportOptions) -> Parsed<SceneData>
         lights: &lights,
         luminaires: &luminaires,
     };
-    Assembly::new(parts, scene, &mut budget).build(&roots)
+    let mut scene = Assembly::new(parts, scene, budget, warnings).build(&nodes)?;
+    scene.warnings = std::mem::take(warnings).lines();
+    Ok(scene)
 }

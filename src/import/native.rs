@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Parsed<NativeBrdf> {
-        let mut json = parse(text.as_bytes())?;
+        let mut json = parse(text.as_bytes(), &mut super::super::budget::Budget::new(None))?;
         check::alone(&Kind::Brdf, &mut json)?;
         brdf(&json, "")
     }

@@ -27,7 +27,9 @@ pub(super) enum Kind {
     Count,
     /// An index into this array of [`ARRAYS`].
     To(&'static str),
-    /// An array of at least so many values.
+    /// The same; beyond its end it is an error only where something is shown by it.
+    Perhaps(&'static str),
+    /// An array; an empty one is mended where so many values are 0, else an error.
     List(&'static Kind, usize),
     /// An array of exactly so many values.
     Tuple(&'static Kind, usize),
@@ -35,6 +37,8 @@ pub(super) enum Kind {
     Object(&'static [Field]),
     /// This object, without other properties.
     Closed(&'static Kind),
+    /// This object, of which nothing is read.
+    Unread(&'static Kind),
     /// The attributes of a primitive.
     Attributes,
     /// Anything; if it is an object with the property `lumicache`, this is what that must be.
@@ -77,6 +81,7 @@ const UNSIGNED: Kind = Number(0.0, f64::INFINITY);
 const RGB: Kind = Tuple(&UNSIGNED, 3);
 const ACCESSORS: Kind = To("accessors");
 const NODES: Kind = To("nodes");
+const IMAGES: Kind = Perhaps("images");
 const TEXTURES: Kind = To("textures");
 const VIEWS: Kind = To("bufferViews");
 const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
@@ -89,9 +94,26 @@ pub(super) const ARRAYS: [&str; 14] = [
     "samplers", "scenes", "skins", "textures", LIGHTS, IES_LIGHTS,
 ];
 
+/// Extensions whose objects may stand where a schema names them and nowhere else.
+#[rustfmt::skip]
+pub(super) const PLACED: [&str; 27] = [
+    "EXT_lights_ies", "EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "EXT_texture_avif",
+    "EXT_texture_webp", "KHR_draco_mesh_compression", "KHR_lights_punctual",
+    "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
+    "KHR_materials_specular", "KHR_materials_subsurface", "KHR_materials_transmission",
+    "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_volume",
+    "KHR_mesh_quantization", "KHR_meshopt_compression", "KHR_texture_basisu",
+    "KHR_texture_transform", "MSFT_texture_dds",
+];
+
 /// The vertex attributes that are read, beside joints and weights.
 pub(super) const ATTRIBUTES: [&str; 6] =
     ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"];
+
+/// Attributes of which a primitive may have several, numbered from 0.
+pub(super) const SETS: [&str; 4] = ["TEXCOORD_", "COLOR_", "JOINTS_", "WEIGHTS_"];
 
 /// Declares kinds of objects by their properties; one with `[!]` must be there, and one with `[+]`
 /// is an empty array where it is absent.
@@ -117,20 +139,21 @@ macro_rules! need {
 
 objects! {
     ROOT: asset[!] = ASSET, extensionsUsed = List(&Text, 0), extensionsRequired = List(&Text, 0),
-        extensions = ROOT_EXTENSIONS, scene = To("scenes"), scenes = List(&SCENE, 1),
-        nodes = List(&NODE, 1), meshes = List(&MESH, 1), accessors = List(&ACCESSOR, 1),
-        buffers = List(&BUFFER, 1), bufferViews = List(&BUFFER_VIEW, 1), skins = List(&SKIN, 1),
-        materials = List(&MATERIAL, 1), textures = List(&TEXTURE, 1), images = List(&IMAGE, 1),
-        samplers = List(&SAMPLER, 1), cameras = List(&CAMERA, 1),
-        animations = List(&ANIMATION, 1);
+        extensions = ROOT_EXTENSIONS, scene = To("scenes"), scenes = List(&SCENE, 0),
+        nodes = List(&NODE, 0), meshes = List(&MESH, 0), accessors = List(&ACCESSOR, 0),
+        buffers = List(&BUFFER, 0), bufferViews = List(&BUFFER_VIEW, 0), skins = List(&SKIN, 0),
+        materials = List(&MATERIAL, 0), textures = List(&TEXTURE, 0), images = List(&IMAGE, 0),
+        samplers = List(&SAMPLER, 0), cameras = List(&CAMERA, 0),
+        animations = List(&ANIMATION, 0);
     ONLY_ASSET: asset[!] = ASSET;
     ASSET: version[!] = Text, minVersion = Text;
-    ROOT_EXTENSIONS: KHR_lights_punctual = LIGHT_LIST, EXT_lights_ies = IES_LIST;
+    ROOT_EXTENSIONS: KHR_lights_punctual = LIGHT_LIST, EXT_lights_ies = IES_LIST,
+        KHR_materials_variants = PRESENT;
     LIGHT_LIST: lights[+] = List(&LIGHT, 0);
     IES_LIST: lights[+] = List(&IES_LIGHT, 0);
 
     SCENE: name = Text, nodes[+] = List(&NODES, 0);
-    NODE: name = Text, children[+] = List(&NODES, 0), matrix = Tuple(&NUMBER, 16),
+    NODE: name = Text, children = List(&NODES, 0), matrix = Tuple(&NUMBER, 16),
         translation = Tuple(&NUMBER, 3), rotation = Tuple(&NUMBER, 4), scale = Tuple(&NUMBER, 3),
         mesh = To("meshes"), skin = To("skins"), camera = To("cameras"),
         weights = List(&NUMBER, 0), extensions = NODE_EXTENSIONS,
@@ -144,11 +167,15 @@ objects! {
     SKIN: name = Text, skeleton = NODES, joints[!] = List(&NODES, 1),
         inverseBindMatrices = ACCESSORS;
 
-    MESH: name = Text, primitives[!] = List(&PRIMITIVE, 1), weights[+] = List(&NUMBER, 0);
+    MESH: name = Text, primitives[!] = List(&PRIMITIVE, 0), weights[+] = List(&NUMBER, 0);
     PRIMITIVE: attributes[!] = Attributes, indices = ACCESSORS, material = To("materials"),
         mode = Codes(&[0, 1, 2, 3, 4, 5, 6], Refused), targets[+] = List(&Attributes, 0),
         extensions = PRIMITIVE_EXTENSIONS;
-    PRIMITIVE_EXTENSIONS: KHR_draco_mesh_compression = PRESENT;
+    PRIMITIVE_EXTENSIONS: KHR_draco_mesh_compression = Unread(&DRACO),
+        KHR_materials_variants = Unread(&VARIANTS);
+    DRACO: bufferView[!] = VIEWS;
+    VARIANTS: mappings[!] = List(&MAPPING, 0);
+    MAPPING: material[!] = To("materials");
     PRESENT: ;
     ACCESSOR: name = Text, bufferView = VIEWS, byteOffset = Integer, count[!] = Count,
         componentType[!] = Codes(&[5120, 5121, 5122, 5123, 5125, 5126], Kept),
@@ -186,15 +213,15 @@ objects! {
     IES_LIGHT: name = Text, uri = Text, bufferView = VIEWS, mimeType = Text;
 
     IMAGE: name = Text, uri = Text, bufferView = VIEWS, mimeType = Text;
-    SAMPLER: name = Text, magFilter = Codes(&[9728, 9729], Refused),
-        minFilter = Codes(&[9728, 9729, 9984, 9985, 9986, 9987], Refused),
-        wrapS = Codes(&[33071, 33648, 10497], Refused),
-        wrapT = Codes(&[33071, 33648, 10497], Refused);
-    // A source that refers to nowhere is an error only where a material uses the texture.
-    TEXTURE: name = Text, sampler = To("samplers"), source = Integer,
+    SAMPLER: name = Text, magFilter = Codes(&[9729, 9728], First),
+        minFilter = Codes(&[9987, 9728, 9729, 9984, 9985, 9986], First),
+        wrapS = Codes(&[10497, 33071, 33648], First),
+        wrapT = Codes(&[10497, 33071, 33648], First);
+    TEXTURE: name = Text, sampler = To("samplers"), source = IMAGES,
         extensions = TEXTURE_EXTENSIONS;
-    TEXTURE_EXTENSIONS: EXT_texture_webp = WEBP;
-    WEBP: source = Integer;
+    TEXTURE_EXTENSIONS: EXT_texture_webp = OTHER_IMAGE, KHR_texture_basisu = OTHER_IMAGE,
+        MSFT_texture_dds = OTHER_IMAGE, EXT_texture_avif = OTHER_IMAGE;
+    OTHER_IMAGE: source = IMAGES;
     // A normal texture has a scale, and the others have none.
     TEXTURE_INFO: index[!] = TEXTURES, texCoord = Set, scale = NUMBER,
         extensions = INFO_EXTENSIONS;
@@ -210,18 +237,24 @@ objects! {
         extensions = MATERIAL_EXTENSIONS, extras = Extras(&Brdf);
     METALLIC_ROUGHNESS: baseColorFactor = Tuple(&UNIT, 4), baseColorTexture = TEXTURE_INFO,
         metallicFactor = UNIT, roughnessFactor = UNIT, metallicRoughnessTexture = TEXTURE_INFO;
-    OCCLUSION: index[!] = Integer, strength = UNIT;
+    OCCLUSION: index[!] = TEXTURES, strength = UNIT, extensions = INFO_EXTENSIONS;
     MATERIAL_EXTENSIONS: KHR_materials_clearcoat = CLEARCOAT,
         KHR_materials_emissive_strength = EMISSIVE_STRENGTH, KHR_materials_ior = IOR,
         KHR_materials_pbrSpecularGlossiness = SPECULAR_GLOSSINESS,
         KHR_materials_specular = SPECULAR, KHR_materials_transmission = TRANSMISSION,
         KHR_materials_unlit = PRESENT, KHR_materials_volume = VOLUME,
-        KHR_materials_anisotropy = PRESENT, KHR_materials_diffuse_transmission = PRESENT,
-        KHR_materials_dispersion = PRESENT, KHR_materials_iridescence = PRESENT,
-        KHR_materials_sheen = PRESENT, KHR_materials_subsurface = PRESENT;
+        KHR_materials_anisotropy = Unread(&ANISOTROPY),
+        KHR_materials_diffuse_transmission = Unread(&DIFFUSE_TRANSMISSION),
+        KHR_materials_dispersion = PRESENT, KHR_materials_iridescence = Unread(&IRIDESCENCE),
+        KHR_materials_sheen = Unread(&SHEEN), KHR_materials_subsurface = PRESENT;
+    ANISOTROPY: anisotropyTexture = TEXTURE_INFO;
+    DIFFUSE_TRANSMISSION: diffuseTransmissionTexture = TEXTURE_INFO,
+        diffuseTransmissionColorTexture = TEXTURE_INFO;
+    IRIDESCENCE: iridescenceTexture = TEXTURE_INFO, iridescenceThicknessTexture = TEXTURE_INFO;
+    SHEEN: sheenColorTexture = TEXTURE_INFO, sheenRoughnessTexture = TEXTURE_INFO;
     CLEARCOAT: clearcoatFactor = UNIT, clearcoatTexture = TEXTURE_INFO,
         clearcoatRoughnessFactor = UNIT, clearcoatRoughnessTexture = TEXTURE_INFO,
-        clearcoatNormalTexture = PRESENT;
+        clearcoatNormalTexture = Unread(&TEXTURE_INFO);
     EMISSIVE_STRENGTH: emissiveStrength = UNSIGNED;
     IOR: ior = NUMBER;
     SPECULAR_GLOSSINESS: diffuseFactor = Tuple(&UNIT, 4), diffuseTexture = TEXTURE_INFO,
@@ -231,7 +264,7 @@ objects! {
         specularColorTexture = TEXTURE_INFO;
     TRANSMISSION: transmissionFactor = UNIT, transmissionTexture = TEXTURE_INFO;
     VOLUME: thicknessFactor = UNSIGNED, attenuationColor = Tuple(&UNIT, 3),
-        attenuationDistance = Positive;
+        attenuationDistance = Positive, thicknessTexture = TEXTURE_INFO;
 
     // Our own extras, which `super` documents.
     NODE_LUMINAIRE: ies[!] = Text, multiplier = UNSIGNED, color = Tuple(&UNIT, 3);

@@ -44,6 +44,7 @@ impl Skin {
     pub fn matrices(
         &self, graph: &Graph, accessors: &Accessors, budget: &mut Budget,
     ) -> Parsed<Vec<DAffine3>> {
+        budget.spend(self.joints.len() as u64, size_of::<DAffine3>() as u64, "/skins")?;
         let bind = match self.inverse_bind {
             Some(index) => {
                 Some(accessors.read::<16, [f32; 16]>(&accessors.list[index], None, 0.0, budget)?)
@@ -54,7 +55,7 @@ impl Skin {
             let bind = bind.as_ref().map_or(DAffine3::IDENTITY, |b| {
                 DAffine3::from_mat4(DMat4::from_cols_array(&b[k].map(f64::from)))
             });
-            graph.nodes[*joint].to_world * bind
+            graph.to_world(*joint) * bind
         };
         Ok(self.joints.iter().enumerate().map(matrix).collect())
     }

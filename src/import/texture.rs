@@ -4,8 +4,9 @@ use super::budget::Budget;
 use super::buffers::Buffers;
 use super::document::Document;
 use super::fault::{Fault, Parsed};
-use super::image::{self, Decoded};
+use super::image;
 use super::value::index;
+use super::warnings::Warnings;
 use crate::imagefile::{TextureImage, TexturePixels};
 use crate::math::Vec2;
 use crate::texture::{ColorSpace, Texture, TextureRef, Wrap};
@@ -13,7 +14,7 @@ use gltf::json::texture::Info;
 use gltf::texture::{MagFilter, Sampler, WrappingMode};
 use serde::Deserialize;
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// What makes the pixels of one of the scene's textures.
@@ -27,34 +28,45 @@ enum Use {
 
 /// The textures of a document, and which of them materials use.
 pub(super) struct Textures<'a> {
-    images: Vec<Decoded>,
-    /// Sampler and image of each texture; a reference to nowhere is an error only where a material
-    /// uses the texture.
-    textures: Vec<(Sampler<'a>, Parsed<Option<usize>>)>,
+    /// The images that materials show, by their index; `None` for one that cannot be shown.
+    images: BTreeMap<usize, Option<Arc<TextureImage>>>,
+    /// Sampler and image of each texture.
+    textures: Vec<(Sampler<'a>, Option<usize>)>,
     /// The textures in use, in the order of their first use, which is that of the scene's
     /// textures.
     slots: Vec<(usize, Use)>,
     slot_of: HashMap<(usize, Use), u32>,
-    pixels: Budget,
+    budget: &'a mut Budget,
 }
 
 impl<'a> Textures<'a> {
-    /// Reads and decodes all images, and the textures that refer to them.
+    /// Reads the textures, and decodes the images that the materials `shown` refer to.
     pub fn parse(
-        document: &'a Document, buffers: &Buffers, warnings: &mut Vec<String>,
+        document: &'a Document, buffers: &Buffers, shown: &BTreeSet<usize>, budget: &'a mut Budget,
+        warnings: &mut Warnings,
     ) -> Parsed<Self> {
-        let mut pixels = Budget::of_pixels();
-        let images = image::images(document, buffers, &mut pixels, warnings)?;
-        let mut textures = Vec::new();
-        for texture in document.gltf.textures() {
-            let i = texture.index();
-            let image = image_of(&document.json["textures"][i], i, images.len());
-            if let Err(fault) = &image {
-                warnings.push(format!("{}: {}", fault.path, fault.what));
-            }
-            textures.push((texture.sampler(), image));
+        let image_of =
+            |texture: gltf::Texture| image_of(&document.json["textures"][texture.index()]);
+        let textures: Vec<_> = document
+            .gltf
+            .textures()
+            .map(|texture| (texture.sampler(), image_of(texture)))
+            .collect();
+        let mut used = BTreeSet::new();
+        for material in shown {
+            let material = &document.json["materials"][material];
+            textures_below(material, &mut |texture| used.extend([texture]));
         }
-        Ok(Self { images, textures, slots: Vec::new(), slot_of: HashMap::new(), pixels })
+        let (mut wanted, count) = (BTreeSet::new(), document.root().images.len());
+        for (texture, image) in used.iter().filter_map(|i| Some((i, textures[*i].1?))) {
+            if image >= count {
+                let what = format!("refers to /images/{image}, and images has {count}");
+                return Err(Fault::new(format!("/textures/{texture}/source"), what));
+            }
+            wanted.insert(image);
+        }
+        let images = image::images(document, buffers, &wanted, budget, warnings)?;
+        Ok(Self { images, textures, slots: Vec::new(), slot_of: HashMap::new(), budget })
     }
 
     /// The place of a texture in the scene, which is given to it on its first use.
@@ -63,7 +75,8 @@ impl<'a> Textures<'a> {
             return Ok(*slot);
         }
         if usage != Use::Plain {
-            self.pixels.spend(u64::from(image.width) * u64::from(image.height), 4, at)?;
+            let (count, size) = image.pixels.size();
+            self.budget.spend(count as u64, size as u64, at)?;
         }
         let slot = self.slots.len() as u32;
         self.slots.push((texture, usage));
@@ -73,7 +86,7 @@ impl<'a> Textures<'a> {
 
     /// The texture that `info`, which stands at the JSON path `at`, refers to.
     pub fn reference(
-        &mut self, info: &Value, at: &str, color_space: ColorSpace, warnings: &mut Vec<String>,
+        &mut self, info: &Value, at: &str, color_space: ColorSpace, warnings: &mut Warnings,
     ) -> Parsed<Option<TextureRef>> {
         self.reference_as(info, at, color_space, Use::Plain, warnings)
     }
@@ -81,7 +94,7 @@ impl<'a> Textures<'a> {
     /// As [`Textures::reference`], for a texture with glossiness in its alpha channel: the
     /// roughness `1 - factor * glossiness` in green.
     pub fn roughness_from_glossiness(
-        &mut self, info: &Value, at: &str, factor: f32, warnings: &mut Vec<String>,
+        &mut self, info: &Value, at: &str, factor: f32, warnings: &mut Warnings,
     ) -> Parsed<Option<TextureRef>> {
         let usage = Use::Roughness(factor.to_bits());
         self.reference_as(info, at, ColorSpace::Linear, usage, warnings)
@@ -89,7 +102,7 @@ impl<'a> Textures<'a> {
 
     fn reference_as(
         &mut self, info: &Value, at: &str, color_space: ColorSpace, usage: Use,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Parsed<Option<TextureRef>> {
         let info = Info::deserialize(info).map_err(|e| Fault::new(at, e.to_string()))?;
         let transform = info.extensions.and_then(|e| e.texture_transform).unwrap_or_default();
@@ -102,14 +115,12 @@ impl<'a> Textures<'a> {
             return Ok(None);
         }
         let texture = info.index.value();
-        let Some(image) = self.textures[texture].1.clone()? else {
+        let Some(image) = self.textures[texture].1 else {
             left_out(format!("/textures/{texture} has no image of a kind that we read"));
             return Ok(None);
         };
-        let image = match &self.images[image] {
-            Ok(image) => image.clone(),
-            Err(why) => return Err(Fault::new(format!("/images/{image}"), why.as_str())),
-        };
+        // A warning was given where the image was found wanting.
+        let Some(image) = self.images.get(&image).cloned().flatten() else { return Ok(None) };
         Ok(Some(TextureRef {
             texture: self.slot(texture, &image, usage, at)?,
             uv_set: uv_set as u8,
@@ -125,7 +136,7 @@ impl<'a> Textures<'a> {
         let texture = |(texture, usage): (usize, Use)| {
             let (sampler, image) = &self.textures[texture];
             // `reference_as` lets only textures in whose images are there.
-            let image = self.images[image.clone().ok()??].as_ref().ok()?;
+            let image = self.images.get(&(*image)?)?.as_ref()?;
             let image = match usage {
                 Use::Plain => image.clone(),
                 Use::Roughness(factor) => Arc::new(roughness(image, f32::from_bits(factor))),
@@ -141,19 +152,23 @@ impl<'a> Textures<'a> {
     }
 }
 
-/// The image that the texture `number` shows: the WebP one where there is a choice.
-fn image_of(texture: &Value, number: usize, images: usize) -> Parsed<Option<usize>> {
-    let mut found = None;
-    for below in ["", "/extensions/EXT_texture_webp"] {
-        let source = texture.pointer(&format!("{below}/source"));
-        let Some(image) = source.and_then(index) else { continue };
-        if image >= images {
-            let what = format!("refers to /images/{image}, and images has {images}");
-            return Err(Fault::new(format!("/textures/{number}{below}/source"), what));
+/// The image that a texture shows: the WebP one where there is a choice.
+fn image_of(texture: &Value) -> Option<usize> {
+    let webp = texture.pointer("/extensions/EXT_texture_webp/source");
+    webp.or_else(|| texture.get("source")).and_then(index)
+}
+
+/// Calls `visit` with the textures that anything below a material refers to, but for those of
+/// occlusion and thickness, which we do not read.
+fn textures_below(value: &Value, visit: &mut impl FnMut(usize)) {
+    for (key, value) in value.as_object().into_iter().flatten() {
+        match index(&value["index"]).filter(|_| key.ends_with("Texture")) {
+            Some(texture) if !["occlusionTexture", "thicknessTexture"].contains(&key.as_str()) => {
+                visit(texture);
+            }
+            _ => textures_below(value, visit),
         }
-        found = Some(image);
     }
-    Ok(found)
 }
 
 fn wrap(mode: WrappingMode) -> Wrap {

@@ -22,3 +22,23 @@ pub(super) fn floats<const N: usize>(value: &Value, default: f32) -> [f32; N] {
 pub(super) fn index(value: &Value) -> Option<usize> {
     value.as_u64().map(|i| i as usize)
 }
+
+/// The prefix and the number of an attribute of which there may be several. The crate would take
+/// JOINTS_01 for JOINTS_1.
+pub(super) fn numbered<'p>(key: &str, prefix: &'p str) -> Option<(&'p str, u32)> {
+    let digits = key.strip_prefix(prefix)?;
+    let number: u32 = digits.parse().ok()?;
+    (number.to_string() == digits).then_some((prefix, number))
+}
+
+/// What a value is, for messages.
+pub(super) fn described(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "a boolean",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "an array",
+        Value::Object(_) => "an object",
+    }
+}

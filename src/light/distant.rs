@@ -83,6 +83,11 @@ impl Distant {
         map + self.discs.iter().filter(|d| d.holds(direction)).map(|d| d.radiance).sum::<Color>()
     }
 
+    /// True if there is any disc.
+    pub fn has_discs(&self) -> bool {
+        !self.discs.is_empty()
+    }
+
     /// The integral of the radiance over the sphere.
     pub fn fluence(&self) -> Color {
         self.fluence

@@ -99,8 +99,8 @@ impl Lights {
         }
     }
 
-    /// The lights with the knowledge of how emission is spread over triangles, given by instance and
-    /// triangle. Those that do not emit are ignored.
+    /// The lights with the knowledge of how emission is spread over triangles, given by instance
+    /// and triangle. Those that do not emit are ignored.
     #[must_use]
     pub fn with_patterns(
         mut self, patterns: impl IntoIterator<Item = (u32, u32, Pattern)>,
@@ -130,6 +130,11 @@ impl Lights {
     /// True if light comes from all directions at infinity.
     pub fn has_environment(&self) -> bool {
         self.environment.is_some()
+    }
+
+    /// True if there are discs such as the sun's in the environment.
+    pub fn has_discs(&self) -> bool {
+        self.environment.as_ref().is_some_and(Distant::has_discs)
     }
 
     /// False only if a ray from `origin` along `direction` can meet nothing that shines, whatever

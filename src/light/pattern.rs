@@ -29,8 +29,8 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// The pattern of a triangle with these corners, in the cells of `table` and in the order of the
-    /// mesh. `None` where the triangle has no area there or does not glow.
+    /// The pattern of a triangle with these corners, in the cells of `table` and in the order of
+    /// the mesh. `None` where the triangle has no area there or does not glow.
     pub fn new(table: Arc<SummedTable>, corners: [DVec2; 3]) -> Option<Self> {
         let [a, b, c] = corners;
         let window = window_of(corners);
@@ -97,8 +97,8 @@ impl Pattern {
         (self.table.value(at) * self.scale) as f32
     }
 
-    /// Density of a point that is drawn uniformly where the table leaves it to others, as a multiple
-    /// of the uniform one.
+    /// Density of a point that is drawn uniformly where the table leaves it to others, as a
+    /// multiple of the uniform one.
     pub fn mixed_density(&self, weights: [f32; 2]) -> f32 {
         let share = self.share();
         share * self.density(weights) + (1.0 - share)

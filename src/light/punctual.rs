@@ -155,7 +155,8 @@ impl PunctualLight {
     }
 }
 
-/// `1 - cos` of the angle between unit vectors, which the dot product loses where they nearly agree.
+/// `1 - cos` of the angle between unit vectors, which the dot product loses where they nearly
+/// agree.
 fn versine_between(a: Vec3, b: Vec3) -> f32 {
     0.5 * (a - b).length_squared()
 }

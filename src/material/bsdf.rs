@@ -4,7 +4,7 @@
 use super::layered::{GgxLobe, Layered};
 use super::microfacet::flip;
 use super::native::NativeBrdf;
-use super::sample::{BsdfSample, Lobe};
+use super::sample::{BsdfSample, Lobe, Pane};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
 
@@ -230,6 +230,15 @@ impl Bsdf {
     /// True if light can pass to the other side.
     pub fn transmits(&self) -> bool {
         matches!(&self.0, Model::Layered(l) if l.transmits())
+    }
+
+    /// The surface as an ideal pane seen from `wo`, above it; `None` where it passes no light in a
+    /// single direction.
+    pub fn pane(&self, wo: Vec3) -> Option<Pane> {
+        match &self.0 {
+            Model::Layered(l) if wo.z > 0.0 => l.pane(wo),
+            _ => None,
+        }
     }
 
     /// The derivative of `ln f_glossy(wo, wi)` by wo where that is a Phong lobe, `s r/(r·wo)` with

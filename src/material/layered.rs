@@ -12,7 +12,7 @@ use super::microfacet::{
     DELTA_ALPHA, flip, fresnel_dielectric, g1_over_cos, ggx_d, reflect, refract,
     sample_visible_normal, schlick_weight, visibility, visible_normal_pdf,
 };
-use super::sample::{BsdfSample, Lobe, mean};
+use super::sample::{BsdfSample, Lobe, Pane, mean};
 use crate::math::{Color, INV_PI, Vec2, Vec3};
 use crate::sampling::square_to_cosine_hemisphere;
 
@@ -154,6 +154,38 @@ impl Layered {
         width(self.has_reflector(), self.alpha)
             .min(width(self.transmits(), transmission))
             .min(width(self.coat > 0.0, self.coat_alpha))
+    }
+
+    /// See [`super::Bsdf::pane`]; the shares are those that [`View::sample`] draws from.
+    pub fn pane(&self, wo: Vec3) -> Option<Pane> {
+        if !self.transmits() || !self.transmits_smoothly() {
+            return None;
+        }
+        let (view, grazing) = (self.view(wo, false), schlick_weight(wo.z));
+        let mut reflected = Color::ZERO;
+        if self.is_smooth() {
+            reflected += view.reflect0.lerp(view.reflect90, grazing);
+        }
+        if self.coat_alpha < DELTA_ALPHA {
+            reflected += self.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing);
+        }
+        if self.eta == 0.0 {
+            return Some(Pane {
+                wi: -wo,
+                passed: self.transmit * view.transmit,
+                reflected,
+                eta: 1.0,
+            });
+        }
+        let (r, t, cos_t) = self.boundary(wo.z);
+        let wi = refract(wo, Vec3::Z, self.eta, cos_t);
+        reflected += r * view.transmit;
+        (wi.z < 0.0 && t != Color::ZERO).then_some(Pane {
+            wi,
+            passed: t * view.transmit,
+            reflected,
+            eta: self.eta,
+        })
     }
 
     /// The same surface seen from the other side.

@@ -14,4 +14,4 @@ pub mod tables;
 pub use bsdf::Bsdf;
 pub use description::{AlphaMode, Material};
 pub use native::{LafortuneLobe, NativeBrdf};
-pub use sample::{BsdfSample, Lobe};
+pub use sample::{BsdfSample, Lobe, Pane};

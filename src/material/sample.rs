@@ -33,6 +33,19 @@ pub struct BsdfSample {
     pub eta: f32,
 }
 
+/// What a surface does as an ideal pane to light along one line: see [`super::Bsdf::pane`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pane {
+    /// Unit direction, local frame, from which the light comes on the other side.
+    pub wi: Vec3,
+    /// Share of the light that is passed, without the factor `1/η²` of refraction.
+    pub passed: Color,
+    /// Share of the light along `wo` that goes back by ideal reflection.
+    pub reflected: Color,
+    /// Index of refraction of the far side over the near side, 1 where nothing is bent.
+    pub eta: f32,
+}
+
 /// Mean of the channels, the weight by which lobes are chosen.
 #[inline]
 pub(super) fn mean(c: Color) -> f32 {

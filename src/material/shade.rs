@@ -3,6 +3,7 @@
 use super::bsdf::Bsdf;
 use super::description::{AlphaMode, Material};
 use super::layered::Layered;
+use super::microfacet::DELTA_ALPHA;
 use crate::geometry::SurfacePoint;
 use crate::math::{Color, Frame, Vec2, Vec3, Vec4};
 use crate::texture::{Texture, TextureRef, lookup};
@@ -46,6 +47,14 @@ impl Material {
     #[inline]
     pub fn is_opaque(&self) -> bool {
         self.alpha_mode == AlphaMode::Opaque
+    }
+
+    /// False only if [`Bsdf::pane`] is `None` everywhere.
+    pub fn may_be_pane(&self) -> bool {
+        let smooth = self.roughness.powi(2) < DELTA_ALPHA
+            || self.metallic_roughness_texture.is_some()
+            || !self.thin && (self.ior - 1.0).abs() < STRAIGHT_ETA;
+        self.transmission > 0.0 && smooth && self.native.is_none() && !self.unlit
     }
 
     /// True if the surface lights others. An unlit material shows a colour but lights nothing.

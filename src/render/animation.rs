@@ -137,10 +137,10 @@ impl<'a> Job<'a> {
 
     /// Renders a picture for each of `cameras`, which have numbers; all pictures read the same
     /// records. `finished` is called with each picture. A cancelled sequence ends with the picture
-    /// so far.
+    /// so far, which is [empty](Frame::is_empty) if none was begun.
     ///
     /// # Errors
-    /// Those of [`Job::run`] and of `finished`; [`Error::Cancelled`] if no picture was begun.
+    /// Those of [`Job::run`] and of `finished`.
     pub fn run_sequence(
         self, cameras: &[(u32, Camera)], finished: impl FnMut(u32, &Picture) -> Result<()> + Send,
     ) -> Result<Sequence<'a>> {
@@ -158,8 +158,16 @@ impl<'a> Job<'a> {
         if let Some(caches) = &mut caches {
             self.clock.start(Phase::Fill);
             let cameras: Vec<Camera> = cameras.iter().map(|(_, camera)| camera.clone()).collect();
-            growth = fill_sequence(self.scene, &settings, &cameras, caches, progress)?;
+            let filled = fill_sequence(self.scene, &settings, &cameras, caches, progress);
             self.clock.stop();
+            growth = match filled {
+                Err(Error::Cancelled) => {
+                    let frame = Frame { cancelled: true, ..Frame::empty(&settings, Some(caches))? };
+                    let last = Picture::new(self.scene, frame, settings, self.clock, self.output);
+                    return Ok(Sequence { last, costs: Vec::new() });
+                }
+                filled => filled?,
+            };
         }
         let (mut costs, mut last) = (Vec::new(), None);
         for ((number, camera), growth) in cameras.iter().zip(growth) {
@@ -167,7 +175,7 @@ impl<'a> Job<'a> {
             let mut clock = Clock::default();
             clock.start(Phase::Render);
             let (caches, watcher) = (caches.as_ref(), &mut self.watcher);
-            let frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher);
+            let frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
             clock.start(Phase::Write);
             progress.start(Phase::Write, 0);
             let mut picture = Picture::new(self.scene, frame, settings, clock, self.output.clone());

@@ -3,6 +3,7 @@
 use super::caches::Caches;
 use super::refine::samples_wanted;
 use super::settings::{IntegratorKind, Settings, camera_sample};
+use crate::error::Result;
 use crate::film::{Film, Pixel};
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
@@ -36,25 +37,36 @@ pub struct Frame {
 pub type Watcher<'a> = dyn FnMut([u32; 4], &Film) + Send + 'a;
 
 impl Frame {
+    /// True before the first sample.
+    pub fn is_empty(&self) -> bool {
+        self.film.pixels().iter().all(|p| p.samples() == 0)
+    }
+
     /// A frame without samples.
-    pub(super) fn empty(settings: &Settings, caches: Option<&Caches>) -> Self {
-        Self {
-            film: Film::new(settings.size, settings.window),
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::error::Error::OutOfMemory).
+    pub(super) fn empty(settings: &Settings, caches: Option<&Caches>) -> Result<Self> {
+        Ok(Self {
+            film: Film::new(settings.size, settings.window)?,
             caches: caches.cloned(),
             shading_seconds: [0.0; 2],
             cancelled: false,
-        }
+        })
     }
 
     /// Shades all pixels by `caches`, or by paths alone. `limits` are the numbers of records that
     /// each pixel may use.
+    ///
+    /// # Errors
+    /// Those of [`Frame::empty`].
     pub(super) fn shade(
         scene: &Scene, settings: &Settings, caches: Option<&Caches>, limits: Option<&[u32]>,
         progress: &Progress, watcher: &mut Watcher,
-    ) -> Self {
-        let mut frame = Self::empty(settings, caches);
+    ) -> Result<Self> {
+        let mut frame = Self::empty(settings, caches)?;
         if settings.prepass_only {
-            return frame;
+            return Ok(frame);
         }
         let tracer = PathTracer { scene, max_bounces: settings.max_bounces };
         let integrator = match (&frame.caches, settings.integrator) {
@@ -73,7 +85,7 @@ impl Frame {
         let shading = Shading { integrator: &integrator, settings, limits, progress };
         frame.cancelled = shading.run(&mut frame.film, watcher);
         frame.shading_seconds = integrator.seconds();
-        frame
+        Ok(frame)
     }
 }
 

@@ -272,6 +272,13 @@ impl<'a> Job<'a> {
         self
     }
 
+    /// Writes all layers as 32-bit floats. By default colours and normals are halves, but for
+    /// layers with values above 65504.
+    pub fn float(mut self, float: bool) -> Self {
+        self.output.float = float;
+        self
+    }
+
     /// The settings of the picture, every number decided.
     ///
     /// # Errors
@@ -350,14 +357,14 @@ impl<'a> Job<'a> {
         });
         let frame = match births.transpose() {
             Err(Error::Cancelled) => {
-                Frame { cancelled: true, ..Frame::empty(&settings, caches.as_ref()) }
+                Frame { cancelled: true, ..Frame::empty(&settings, caches.as_ref())? }
             }
             Err(error) => return Err(error),
             Ok(births) => {
                 let limits = births.filter(|_| settings.scheme.schedule == Schedule::OnePass);
                 self.clock.start(Phase::Render);
                 let (caches, limits) = (caches.as_ref(), limits.as_deref());
-                Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)
+                Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)?
             }
         };
         self.clock.stop();

@@ -33,6 +33,8 @@ pub struct Facts {
     pub origin: DVec3,
     /// Draw the records over the image and write them as layers.
     pub show_records: bool,
+    /// Write 32-bit floats everywhere.
+    pub float: bool,
 }
 
 fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
@@ -42,6 +44,9 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
         let drawn = overlay::draw(film, &caches.cache, settings);
         picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);
         picture.add("gi.level", SampleKind::Half, drawn.level);
+    }
+    if facts.float {
+        picture.channels.iter_mut().for_each(|c| c.kind = SampleKind::Float);
     }
     let text = |text: &str| Attribute::Text(text.to_owned());
     let matrix = |matrix: Mat4| Attribute::M44f(matrix.to_cols_array());
@@ -63,7 +68,7 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
     picture
 }
 
-/// Writes the beauty, or the picture with records drawn over it, as an 8-bit sRGB PNG.
+/// Writes the beauty, or the picture with records drawn over it, as an 8-bit sRGB PNG or JPEG.
 ///
 /// # Errors
 /// Those of writing the file.
@@ -75,5 +80,5 @@ pub fn write_preview(
         None => frame.film.radiance(),
     };
     let [width, height] = frame.film.window_size();
-    ldr::write_png(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))
+    ldr::write(path, width, height, &ldr::to_srgb8(&pixels, exposure_ev))
 }

@@ -19,12 +19,13 @@ pub(super) struct Output {
     pub layers: Selection,
     pub exposure: f32,
     pub show_records: bool,
+    pub float: bool,
 }
 
 impl Default for Output {
     fn default() -> Self {
         let layers = Selection::parse("basic").expect("the default layers");
-        Self { layers, exposure: 0.0, show_records: false }
+        Self { layers, exposure: 0.0, show_records: false, float: false }
     }
 }
 
@@ -59,11 +60,12 @@ impl<'a> Picture<'a> {
             backend: self.scene.accel().version(),
             origin: self.scene.origin(),
             show_records: self.output.show_records,
+            float: self.output.float,
         };
         write_exr(path.as_ref(), &self.frame, &self.settings, &self.output.layers, &facts)
     }
 
-    /// Writes the picture as an 8-bit sRGB PNG.
+    /// Writes the picture as an 8-bit sRGB PNG or JPEG.
     ///
     /// # Errors
     /// Those of writing the file.

@@ -59,7 +59,7 @@ mod tests {
 
     /// A film whose left half is steady and whose right half flickers.
     fn film(low: f32, high: f32) -> Film {
-        let mut film = Film::new([8, 4], [0, 0, 8, 4]);
+        let mut film = Film::new([8, 4], [0, 0, 8, 4]).unwrap();
         for (i, pixel) in film.pixels_mut().iter_mut().enumerate() {
             for s in 0..16 {
                 let mut shaded = Shaded::default();
@@ -99,7 +99,7 @@ mod tests {
         };
         let mut sum = 0.0;
         for _ in 0..films {
-            let mut film = Film::new([32, 8], [0, 0, 32, 8]);
+            let mut film = Film::new([32, 8], [0, 0, 32, 8]).unwrap();
             for pixel in film.pixels_mut() {
                 (0..spp).for_each(|_| pixel.add(&sample()));
             }
@@ -110,13 +110,14 @@ mod tests {
             sum += f64::from(film.mean_luminance());
         }
         let mean = sum / f64::from(films);
-        // The deviation is at most 100 √(0.01 / (16 · 256 · 4000)), 0.25 %: a false alarm in 15 000.
+        // The deviation is at most 100 √(0.01 / (16 · 256 · 4000)), 0.25 %: a false alarm in 15
+        // 000.
         assert!((mean - 1.0).abs() < 0.01, "{mean}");
     }
 
     #[test]
     fn black_and_broken_pixels_want_nothing() {
-        let mut film = Film::new([4, 4], [0, 0, 4, 4]);
+        let mut film = Film::new([4, 4], [0, 0, 4, 4]).unwrap();
         assert!(samples_wanted(&film, 4, 0.01).iter().all(|&n| n == 4));
         let mut shaded = Shaded::default();
         shaded.radiance.emission = Color::splat(f32::MAX);

@@ -1,10 +1,14 @@
 //! One frame's settings, every number decided, and the samples that follow from them.
 
-use crate::cache::{Schedule, Scheme};
+use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::film::Pixel;
 use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
+
+/// Bytes per pixel of the default layers of the output.
+const LAYERS: usize = 26 * 4;
 
 /// Which light transport makes the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +97,14 @@ impl Settings {
                 "the crop window {x0},{y0},{x1},{y1} is not inside {w}x{h} pixels"
             )));
         }
-        Ok(())
+        // Nothing is lost later for want of memory that is known to be wanted now.
+        let pixels = u64::from(x1 - x0) * u64::from(y1 - y0);
+        let bytes =
+            pixels * (size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS)) as u64;
+        let room = usize::try_from(bytes).ok();
+        let free = room.is_some_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+        let what = format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0);
+        if free { Ok(()) } else { Err(Error::memory(what, bytes)) }
     }
 }
 

@@ -34,6 +34,12 @@ pub const AXES: u64 = 5;
 /// Of a bundle's seed: the light paths that are joined with its gather.
 pub const LIGHT_PATHS: u64 = 2;
 
+/// Of a bundle's seed: the rays towards small bright surfaces.
+pub const TOWARDS_BRIGHT: u64 = 3;
+
+/// Of a job's seed: the light paths that look for small bright surfaces.
+pub const BRIGHT: u64 = 0x6272_6967_6874;
+
 /// Of a camera sample's seed: the walk from a light.
 pub const LIGHT_WALK: u64 = 0x006c_6967_6874;
 

@@ -13,7 +13,8 @@ use std::sync::Arc;
 const CELLS: f64 = (1 << 20) as f64;
 /// Farther out in the plane of a texture, in cells, single precision knows no cells.
 const FAR: f64 = 1e9;
-/// A triangle that extends over no more cells, or is thinner than `THIN` cells, is judged by points.
+/// A triangle that extends over no more cells, or is thinner than `THIN` cells, is judged by
+/// points.
 const FEW: f64 = 4.0;
 /// See `FEW`.
 const THIN: f64 = 1e-2;

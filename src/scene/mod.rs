@@ -3,8 +3,10 @@
 mod origin;
 mod emitters;
 mod world;
+mod shadows;
 
 pub use origin::{Part, center, middle};
+pub use shadows::{are_parallel, same_direction};
 pub use world::{Scene, gap};
 
 use crate::camera::{Camera, Motion};

@@ -30,14 +30,17 @@ pub struct Scene {
     /// For each material: rays may pass through it by its alpha.
     see_through: Vec<bool>,
     any_see_through: bool,
+    /// For each material: it may pass light as an ideal pane.
+    panes: Vec<bool>,
+    any_pane: bool,
     tables: TableStore,
 }
 
-/// Layers of alpha that one ray passes before it is taken to be blocked.
-const MAX_LAYERS: usize = 256;
+/// Layers of alpha after which a ray is taken to be blocked: more than any wood has.
+const MAX_LAYERS: usize = 1 << 16;
 /// A ray between two points ends this share of its length before the second: the rounding of its
 /// direction and of the distance at which it is hit.
-const SHORTENING: f32 = 32.0 * f32::EPSILON;
+pub(super) const SHORTENING: f32 = 32.0 * f32::EPSILON;
 /// Largest diagonal of a scene: squares of distances in it are numbers still.
 const LARGEST: f32 = 1e18;
 /// Radiance of the dome that lights a scene without any light.
@@ -82,6 +85,8 @@ impl Scene {
             .with_patterns(patterns);
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
+        let panes: Vec<bool> = materials.iter().map(Material::may_be_pane).collect();
+        let any_pane = panes.contains(&true);
         let scene = Self {
             origin,
             geometry,
@@ -95,6 +100,8 @@ impl Scene {
             bounds,
             see_through,
             any_see_through,
+            panes,
+            any_pane,
             tables: TableStore::default(),
         };
         Ok((scene, warnings))
@@ -182,6 +189,18 @@ impl Scene {
     #[inline]
     pub fn material(&self, at: &SurfacePoint) -> &Material {
         &self.materials[at.material as usize]
+    }
+
+    /// True if the material may pass light as an ideal pane: [`Material::may_be_pane`].
+    #[inline]
+    pub fn is_pane(&self, material: u32) -> bool {
+        self.panes[material as usize]
+    }
+
+    /// True if any material may pass light as an ideal pane.
+    #[inline]
+    pub fn has_panes(&self) -> bool {
+        self.any_pane
     }
 
     /// Radiance emitted at `at` towards `at.wo`.
@@ -340,11 +359,16 @@ impl Scene {
         self.accel.occluded_many(rays, blocked);
         if self.any_see_through {
             for (ray, blocked) in rays.iter().zip(blocked).filter(|(_, blocked)| **blocked) {
-                let bits = |v: Vec3| v.to_array().map(|x| u64::from(x.to_bits()));
-                let ([a, b, c], [d, e, f]) = (bits(ray.origin), bits(ray.dir));
-                *blocked = self.intersect(ray, hash(&[a, b, c, d, e, f])).is_some();
+                *blocked = self.intersect(ray, Self::seed_of(ray)).is_some();
             }
         }
+    }
+
+    /// A seed that a ray's own numbers make.
+    pub(super) fn seed_of(ray: &Ray) -> u64 {
+        let bits = |v: Vec3| v.to_array().map(|x| u64::from(x.to_bits()));
+        let ([a, b, c], [d, e, f]) = (bits(ray.origin), bits(ray.dir));
+        hash(&[a, b, c, d, e, f])
     }
 
     /// First hits of many rays on any surface; [`Scene::resolve`] takes alpha into account.

@@ -14,8 +14,8 @@ const COARSE: f64 = 1e-4;
 pub struct SummedTable {
     size: [usize; 2],
     wrap: [Wrap; 2],
-    /// Sums over the cells above and to the left of each corner of the grid: whole numbers, so that
-    /// differences are exact and a dark window is exactly 0.
+    /// Sums over the cells above and to the left of each corner of the grid: whole numbers, so
+    /// that differences are exact and a dark window is exactly 0.
     sums: Vec<f64>,
     /// What 1 of the sums stands for.
     unit: f64,

@@ -2,15 +2,15 @@
 //! cache, everything else by paths that end in it.
 
 use super::path::{PathTracer, Reflected, Sampled, Start, split};
-use super::points::{LONGEST_CHAIN, footprint};
-use super::vertex::Vertex;
+use super::points::footprint;
+use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, CameraSample, IndirectLight, Shaded, Status, Surface};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Behind, Cache};
-use crate::gather::LobeCoefficients;
+use crate::gather::{Deeper, LobeCoefficients};
 use crate::material::Lobe;
 use crate::math::{Color, INV_PI};
-use crate::sampling::Sampler;
+use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler};
 use nix::sys::time::TimeValLike;
 use nix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -111,18 +111,15 @@ impl<'a> CachedIntegrator<'a> {
         self.interpolate_ns.fetch_add(spent.interpolate * TIMED as u64, Ordering::Relaxed);
         let mut shadow_ns = 0;
 
-        let mut blocked = vec![false; shadows.len()];
-        timed(Some(&mut shadow_ns), || scene.occluded_many(&shadows, &mut blocked));
+        let visible = timed(Some(&mut shadow_ns), || scene.visibility_many(&shadows));
         self.direct_ns.fetch_add(spent.direct * TIMED as u64 + shadow_ns, Ordering::Relaxed);
-        for (p, blocked) in pending.iter().zip(blocked) {
-            if !blocked {
-                let radiance = &mut out[p.sample].radiance;
-                if p.first {
-                    radiance.diffuse_direct += p.light.diffuse;
-                    radiance.glossy_direct += p.light.glossy;
-                } else {
-                    radiance.glossy_indirect += p.light.sum();
-                }
+        for (p, visible) in pending.iter().zip(visible) {
+            let (radiance, light) = (&mut out[p.sample].radiance, p.light.behind(visible));
+            if p.first {
+                radiance.diffuse_direct += light.diffuse;
+                radiance.glossy_direct += light.glossy;
+            } else {
+                radiance.glossy_indirect += light.sum();
             }
         }
     }
@@ -136,10 +133,10 @@ impl<'a> CachedIntegrator<'a> {
         let mut sampler = sample.sampler.clone();
         let seed = sample.alpha_seed();
         let mut found = scene.resolve(ray, hit, seed);
-        let (mut ray, mut beta, mut travelled) = (*ray, Color::ONE, 0.0);
+        let (mut ray, mut beta, mut travelled, mut spread) = (*ray, Color::ONE, 0.0, 1.0);
         // Follow the path through ideal mirrors and panes: what they show deserves the same care as
         // what is seen directly.
-        for bounces in 0..LONGEST_CHAIN {
+        for bounces in 0..LONGEST_PATH {
             let emitted = match &found {
                 Some((point, _)) => scene.emission(point),
                 None => scene.lights().environment(ray.dir),
@@ -211,7 +208,8 @@ impl<'a> CachedIntegrator<'a> {
                 if served && !scene.lights().may_shine_along(next.origin, next.dir) {
                     return out;
                 }
-                let start = Start { bounces, pdf: scattered.pdf, origin: vertex.origin() };
+                let aim = Aim::new(scattered.pdf, vertex.origin(), next.dir);
+                let start = Start { bounces, aim };
                 let tracer = if served {
                     PathTracer { max_bounces: bounces, ..self.tracer }
                 } else {
@@ -248,6 +246,14 @@ impl<'a> CachedIntegrator<'a> {
                 return out;
             }
             beta *= scattered.weight;
+            spread *= scattered.eta * scattered.eta;
+            if bounces + 1 >= ROULETTE_AFTER {
+                let survival = (beta.max_element() * spread).min(MAX_SURVIVAL);
+                if sampler.next_1d() >= survival {
+                    return out;
+                }
+                beta /= survival;
+            }
             ray = next;
             found = scene.intersect(&ray, seed);
         }
@@ -259,7 +265,8 @@ impl<'a> CachedIntegrator<'a> {
     fn gather(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, out: &mut Shaded) {
         for _ in 0..PATHS {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
-                let start = Start { bounces: 0, pdf: scattered.pdf, origin: v.origin() };
+                let aim = Aim::new(scattered.pdf, v.origin(), next.dir);
+                let start = Start { bounces: 0, aim };
                 let light =
                     self.tracer.incoming(&next, &start, sampler, seed, Some(self.indirect()));
                 let (diffuse, glossy) = split(v, &scattered);
@@ -270,7 +277,7 @@ impl<'a> CachedIntegrator<'a> {
 
     /// Where the paths that go on from visible surfaces may end.
     fn indirect(&self) -> IndirectLight<'_> {
-        IndirectLight { records: &self.behind, lobes: self.lobes }
+        IndirectLight { lobes: self.lobes, ..(&self.behind as &dyn Deeper).into() }
     }
 
     /// The level that a surface behind `bounces` mirrors is looked up on.

@@ -81,7 +81,8 @@ impl<'a> LightPoints<'a> {
             for k in (0..bundle.len()).step_by(choice.every as usize) {
                 let local = bundle.dir_local[k];
                 let direction = from.frame.to_world(local);
-                let free = !choice.seen || bundle.kind[k] == HitKind::Environment;
+                let free =
+                    !choice.seen || bundle.kind[k] == HitKind::Environment || scene.has_panes();
                 if free && direction.dot(from.ng) > 0.0 {
                     let light_pdf = lights.pdf_environment(from.position, Some(from.ng), direction);
                     places.push(sky(direction, local.z, light_pdf));
@@ -141,10 +142,8 @@ impl DirectLight for LightPoints<'_> {
             }
         }
         debug_assert_eq!(out.len() - first, points.len() * self.places.len());
-        let mut blocked = vec![false; rays.len()];
-        self.scene.occluded_many(&rays, &mut blocked);
-        for (k, _) in asked.into_iter().zip(blocked).filter(|(_, blocked)| *blocked) {
-            out[k].light = Color::ZERO;
+        for (k, visible) in asked.into_iter().zip(self.scene.visibility_many(&rays)) {
+            out[k].light *= visible;
         }
         self.rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
     }

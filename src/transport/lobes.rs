@@ -1,6 +1,7 @@
 //! Which glossy lobes are cached and which are traced, and what is known of indirect light where
 //! paths may end.
 
+use super::bright::Bright;
 use super::vertex::Vertex;
 use crate::cache::{Bands, Scheme};
 use crate::gather::{Deeper, LobeCoefficients};
@@ -97,12 +98,14 @@ pub struct IndirectLight<'a> {
     pub records: &'a dyn Deeper,
     /// The lobes that radiance records answer for, if there are any.
     pub lobes: Option<CachedLobes<'a>>,
+    /// The small bright surfaces that paths may go to, if there are any.
+    pub(super) bright: Option<&'a Bright>,
 }
 
 impl<'a> From<&'a dyn Deeper> for IndirectLight<'a> {
     /// Irradiance alone.
     fn from(records: &'a dyn Deeper) -> Self {
-        Self { records, lobes: None }
+        Self { records, lobes: None, bright: None }
     }
 }
 

@@ -3,13 +3,16 @@
 
 mod direct;
 mod vertex;
+mod bright;
 mod lobes;
 mod path;
 mod bdpt;
+mod find_bright;
 mod hit_change;
 mod outgoing;
 mod points;
 mod cached;
+mod caustics;
 mod probe;
 mod reflector;
 mod stored_hits;
@@ -17,12 +20,13 @@ mod world;
 
 pub use bdpt::{Bidirectional, Splat};
 pub use cached::CachedIntegrator;
+pub use caustics::glass_bends_light;
 pub use lobes::{CachedLobes, GlossyLobes, IndirectLight};
 pub use path::{PathTracer, Start};
 pub use points::{View, pixel_footprint};
 pub use probe::{Counts, SceneProbe};
 pub use reflector::SceneReflector;
-pub use vertex::Origin;
+pub use vertex::{Aim, Origin};
 pub use world::{AppearanceOf, SceneWorld};
 
 use crate::accel::Ray;
@@ -105,7 +109,8 @@ impl CameraSample {
 
     /// The ray.
     fn ray(&self) -> Ray {
-        Ray { origin: self.camera.origin, tmin: 0.0, dir: self.camera.dir, tmax: f32::INFINITY }
+        let CameraRay { origin, dir, range: [tmin, tmax], .. } = self.camera;
+        Ray { origin, tmin, dir, tmax }
     }
 
     /// Seed of the decisions at partly transparent surfaces.

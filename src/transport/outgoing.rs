@@ -1,11 +1,11 @@
 //! Light that leaves a surface by its glossy lobes, for hosts that shade the rest themselves.
 
 use super::path::{PathTracer, Sampled, Start};
-use super::vertex::Vertex;
+use super::vertex::{Aim, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::Ray;
 use crate::cache::Cache;
-use crate::gather::LobeCoefficients;
+use crate::gather::{Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;
 use crate::material::Lobe;
 use crate::math::Color;
@@ -53,7 +53,7 @@ impl PathTracer<'_> {
             }
         }
         let behind = cache.behind(0);
-        let indirect = IndirectLight { records: &behind, lobes };
+        let indirect = IndirectLight { lobes, ..(&behind as &dyn Deeper).into() };
         let mut sum = Color::ZERO;
         for i in 0..samples {
             let mut sampler = Sampler::new(seed, i);
@@ -63,7 +63,7 @@ impl PathTracer<'_> {
             if sample.lobe == Lobe::Delta {
                 continue;
             }
-            let start = Start { bounces: 0, pdf: sample.pdf, origin: vertex.origin() };
+            let start = Start { bounces: 0, aim: Aim::new(sample.pdf, vertex.origin(), next.dir) };
             let light = self.incoming(
                 &next,
                 &start,

@@ -1,6 +1,7 @@
 //! Unidirectional path tracing with next-event estimation and multiple importance sampling.
 
-use super::vertex::{Origin, Vertex};
+use super::bright::Cones;
+use super::vertex::{Aim, Vertex};
 use super::{CameraSample, IndirectLight, Radiance, Shaded, Surface};
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
@@ -30,11 +31,8 @@ pub struct PathTracer<'a> {
 pub struct Start {
     /// Surface interactions that lie behind, the camera hit not counted.
     pub bounces: u32,
-    /// Density per steradian with which the direction was sampled, infinite if no light sampling
-    /// could have chosen it.
-    pub pdf: f32,
-    /// Where the direction was sampled, for the density of light sampling.
-    pub origin: Origin,
+    /// How its direction was sampled.
+    pub aim: Aim,
 }
 
 /// Which lobes the path goes on by, beside the light samples taken at a vertex.
@@ -80,6 +78,11 @@ impl Reflected {
         self.diffuse + self.glossy
     }
 
+    /// What is left of it if the share `visible` of its light arrives.
+    pub fn behind(self, visible: Color) -> Self {
+        if visible == Color::ZERO { Self::default() } else { self.scaled(visible) }
+    }
+
     pub fn scaled(self, by: Color) -> Self {
         Self { diffuse: by * self.diffuse, glossy: by * self.glossy }
     }
@@ -121,14 +124,14 @@ impl PathTracer<'_> {
         let bsdf = self.scene.shade(&mut point);
         out.surface = Some(Surface::new(self.scene, &point, &bsdf, distance));
         let vertex = Vertex { point, bsdf };
-        if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything)
-            && !self.scene.occluded(&shadow, shadow_seed(seed, 0))
-        {
+        if let Some((shadow, lit)) = self.light(&vertex, &mut sampler, Sampled::Everything) {
+            let lit = lit.behind(self.scene.visibility(&shadow, shadow_seed(seed, 0)));
             out.radiance.diffuse_direct = lit.diffuse;
             out.radiance.glossy_direct = lit.glossy;
         }
         if let Some((scattered, next)) = self.scatter(&vertex, &mut sampler, Sampled::Everything) {
-            let start = Start { bounces: 0, pdf: scattered.pdf, origin: vertex.origin() };
+            let aim = Aim::new(scattered.pdf, vertex.origin(), next.dir);
+            let start = Start { bounces: 0, aim };
             let light = self.incoming(&next, &start, &mut sampler, seed, None);
             out.radiance.add(split(&vertex, &scattered), light);
         }
@@ -144,21 +147,28 @@ impl PathTracer<'_> {
     ) -> Incoming {
         let mut light = Incoming::default();
         let mut beta = Color::ONE;
-        let (mut ray, mut pdf, mut origin) = (*ray, start.pdf, start.origin);
+        let (mut ray, mut aim) = (*ray, start.aim);
         // Interactions after the camera hit that light seen at the end of `ray` has had.
         let mut bounces = start.bounces;
+        // What refraction took from radiance on the way, and will give back.
+        let mut spread = 1.0;
         let mut first = true;
         loop {
             let hit = self.scene.intersect(&ray, seed.wrapping_add(u64::from(bounces)));
-            let emitted =
-                beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), pdf, &origin);
-            if first {
-                light.direct += emitted;
-            } else {
-                light.indirect += emitted;
+            let straight = aim.is_straight(ray.dir);
+            if straight || bounces <= self.max_bounces {
+                let emitted = beta * self.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), &aim);
+                if first && straight {
+                    light.direct += emitted;
+                } else {
+                    light.indirect += emitted;
+                }
             }
             let Some((mut point, distance)) = hit else { return light };
-            if bounces >= self.max_bounces || bounces >= LONGEST_PATH {
+            // Panes on the way to a light do not count: light samples pass them, too.
+            let ended = bounces >= self.max_bounces;
+            let blocked = !aim.sees_through() || !self.scene.is_pane(point.material);
+            if bounces >= LONGEST_PATH || (ended && blocked) {
                 return light;
             }
             let bsdf = self.scene.shade(&mut point);
@@ -166,33 +176,37 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            let step = self.step(&vertex, sampler, bounces, indirect);
-            light.indirect += beta * step.cached.sum();
-            if let Some((shadow, lit)) = step.light
-                && !self.scene.occluded(&shadow, shadow_seed(seed, bounces))
-            {
-                light.indirect += beta * lit.sum();
-            }
-            let Some((sample, next)) = step.next else { return light };
+            let next = if ended {
+                self.scatter(&vertex, sampler, Sampled::Everything)
+                    .filter(|(sample, _)| sample.lobe == Lobe::Delta)
+            } else {
+                let step = self.step(&vertex, sampler, bounces, indirect);
+                light.indirect += beta * step.cached.sum();
+                if let Some((shadow, lit)) = step.light {
+                    let visible = self.scene.visibility(&shadow, shadow_seed(seed, bounces));
+                    light.indirect += beta * lit.behind(visible).sum();
+                }
+                step.next
+            };
+            let Some((sample, next)) = next else { return light };
             beta *= sample.weight;
+            spread *= sample.eta * sample.eta;
             if bounces >= ROULETTE_AFTER {
-                let survival = (beta.max_element() * sample.eta * sample.eta).min(MAX_SURVIVAL);
+                let survival = (beta.max_element() * spread).min(MAX_SURVIVAL);
                 if sampler.next_1d() >= survival {
                     return light;
                 }
                 beta /= survival;
             }
-            (ray, origin, first) = (next, vertex.origin(), false);
-            pdf = sample.pdf;
+            aim = aim.onward(self.scene, &vertex, &sample, &next);
+            (ray, first) = (next, first && aim.panes() > 0);
         }
     }
 
-    /// Light emitted towards the ray by what it hit, weighed against the light sampling done at
-    /// `origin`.
-    fn emitted(
-        &self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, pdf: f32, origin: &Origin,
-    ) -> Color {
-        let lights = self.scene.lights();
+    /// Light emitted towards the ray by what it hit, weighed against the light sampling done where
+    /// it was aimed.
+    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, aim: &Aim) -> Color {
+        let (lights, pdf, origin) = (self.scene.lights(), aim.pdf(ray.dir), aim.origin());
         match hit {
             None => {
                 let radiance = lights.environment(ray.dir);
@@ -210,12 +224,13 @@ impl PathTracer<'_> {
                 if radiance == Color::ZERO {
                     return radiance;
                 }
+                let (dir, distance) = aim.towards(at.position, ray, distance);
                 let other = lights.pdf_triangle(
                     origin.position,
                     origin.facing,
                     at.instance,
                     at.triangle,
-                    ray.dir,
+                    dir,
                     distance,
                 );
                 radiance * power_heuristic(pdf, other)
@@ -238,6 +253,12 @@ impl PathTracer<'_> {
             None => (Reflected::default(), Sampled::Everything),
         };
         let light = self.light(v, sampler, sampled);
+        let guide = indirect
+            .filter(|_| sampled == Sampled::Everything && v.bsdf.has_diffuse())
+            .and_then(|i| i.bright?.seen_from(v.point.position, v.origin().facing));
+        if let Some(cones) = guide {
+            return Step { cached, light, next: self.scatter_guided(v, sampler, &cones), sampled };
+        }
         let mut next = self.scatter(v, sampler, sampled);
         // Where a cache was asked, the path is one of very many that are averaged, and the rest of
         // it costs more than what it has brought so far. A faint gloss on top of cached
@@ -245,7 +266,8 @@ impl PathTracer<'_> {
         // surface reflects.
         if let (Some(_), Some((sample, _))) = (indirect, &mut next) {
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
-            let survival = (share * sample.weight.max_element()).min(1.0);
+            let weight = sample.weight.max_element() * sample.eta * sample.eta;
+            let survival = (share * weight).min(1.0);
             if sampler.next_1d() < survival {
                 sample.weight /= survival;
             } else {
@@ -320,6 +342,36 @@ impl PathTracer<'_> {
             _ => v.bsdf.sample_glossy(wo, lobe, u),
         };
         self.leave(v, sample?)
+    }
+
+    /// As [`PathTracer::scatter`] by all lobes, or in half of all cases into a direction of `cones`,
+    /// as often as the surface reflects.
+    fn scatter_guided(
+        &self, v: &Vertex, sampler: &mut Sampler, cones: &Cones,
+    ) -> Option<(BsdfSample, Ray)> {
+        let (choice, u) = (2.0 * sampler.next_1d(), sampler.next_2d());
+        let wo = v.point.frame.to_local(v.point.wo);
+        let albedo = v.bsdf.albedo(wo).max_element().min(1.0);
+        if sampler.next_1d() >= albedo {
+            return None;
+        }
+        let mut sample = if choice < 1.0 {
+            v.bsdf.sample(wo, choice, u)?
+        } else {
+            let wi = v.point.frame.to_local(cones.sample(choice - 1.0, u));
+            let (f, pdf) = v.bsdf.f_pdf(wo, wi);
+            let weight = f * (wi.z.abs() / pdf.max(f32::MIN_POSITIVE));
+            let transmitted = wi.z * wo.z < 0.0;
+            BsdfSample { wi, weight, pdf, lobe: Lobe::Diffuse, transmitted, eta: 1.0 }
+        };
+        // The sample keeps the density of the lobes, with which light samples are weighed.
+        if sample.lobe == Lobe::Delta {
+            sample.weight *= 2.0 / albedo;
+        } else {
+            let other = cones.density(v.point.frame.to_world(sample.wi));
+            sample.weight *= 2.0 * sample.pdf / (sample.pdf + other) / albedo;
+        }
+        self.leave(v, sample)
     }
 
     fn leave(&self, v: &Vertex, sample: BsdfSample) -> Option<(BsdfSample, Ray)> {

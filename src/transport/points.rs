@@ -11,12 +11,10 @@ use crate::camera::{Camera, CameraRay};
 use crate::geometry::SurfacePoint;
 use crate::material::{Bsdf, Lobe};
 use crate::math::{INV_PI, Vec2, luminance};
-use crate::sampling::{Sampler, hash, square_to_cosine_hemisphere, stream, unit_f32};
+use crate::sampling::{LONGEST_PATH, Sampler, hash, square_to_cosine_hemisphere, stream, unit_f32};
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// Ideal mirrors and panes that a camera path follows before it gives up.
-pub(super) const LONGEST_CHAIN: u32 = 16;
 /// A pixel's shadow on a surface seen at a grazing angle is not taken longer than this multiple of
 /// its width.
 const MAX_STRETCH: f32 = 10.0;
@@ -114,18 +112,14 @@ impl PathTracer<'_> {
                         reflected(self.scene, &point, &bsdf, &sample, Sampled::Glossy)
                     {
                         rays.push(self.scene.shadow_ray(&point, &sample));
-                        light.push((number, luminance(lit.sum()) / LIGHT_SAMPLES as f32));
+                        light.push((number, lit.sum()));
                     }
                 },
             );
         }
-        let mut blocked = vec![false; rays.len()];
-        self.scene.occluded_many(&rays, &mut blocked);
-        for ((number, luminance), _) in
-            light.into_iter().zip(blocked).filter(|(_, blocked)| !blocked)
-        {
+        for ((number, lit), visible) in light.into_iter().zip(self.scene.visibility_many(&rays)) {
             if let Some((.., appearance)) = &mut seen[number] {
-                appearance.direct += luminance;
+                appearance.direct += luminance(visible * lit) / LIGHT_SAMPLES as f32;
             }
         }
         seen
@@ -165,11 +159,11 @@ impl PathTracer<'_> {
     fn first_vertex(
         &self, camera: &CameraRay, seed: u64, wanted: impl Fn(&SurfacePoint, &Bsdf) -> bool,
     ) -> Option<(Vertex, u32)> {
-        let mut ray =
-            Ray { origin: camera.origin, tmin: 0.0, dir: camera.dir, tmax: f32::INFINITY };
+        let [tmin, tmax] = camera.range;
+        let mut ray = Ray { origin: camera.origin, tmin, dir: camera.dir, tmax };
         let mut sampler = Sampler::new(seed, 0);
         let mut travelled = 0.0;
-        for bounces in 0..LONGEST_CHAIN {
+        for bounces in 0..LONGEST_PATH {
             let (mut point, distance) = self.scene.intersect(&ray, seed)?;
             travelled += distance;
             let bsdf = self.scene.shade(&mut point);

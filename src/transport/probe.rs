@@ -2,16 +2,18 @@
 //! hits, paths where no cache helps.
 
 use super::bdpt::LightPaths;
+use super::bright::{Bright, Cones};
 use super::direct::LightPoints;
+use super::find_bright::find_bright;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start};
-use super::vertex::Vertex;
+use super::vertex::{Aim, Origin, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
-use crate::math::Color;
-use crate::sampling::{Sampler, hash};
+use crate::math::{Color, Vec2, Vec3};
+use crate::sampling::{Rng, Sampler, hash, stream};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -22,6 +24,8 @@ pub struct SceneProbe<'a> {
     lobes: Option<CachedLobes<'a>>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
+    /// Found when the first fill begins.
+    bright: OnceLock<Bright>,
     counts: Counts,
 }
 
@@ -46,7 +50,19 @@ impl Counts {
 impl<'a> SceneProbe<'a> {
     /// The probe of `tracer`'s scene and path length.
     pub fn new(tracer: PathTracer<'a>) -> Self {
-        Self { tracer, lobes: None, light_paths: OnceLock::new(), counts: Counts::default() }
+        Self {
+            tracer,
+            lobes: None,
+            light_paths: OnceLock::new(),
+            bright: OnceLock::new(),
+            counts: Counts::default(),
+        }
+    }
+
+    /// Looks for the small bright surfaces that light up what lies around `points`, unless that was
+    /// done before; `seed` chooses the light paths that find them.
+    pub fn seek_bright(&self, points: &[SurfacePoint], seed: u64) {
+        self.bright.get_or_init(|| find_bright(self.tracer, points, seed));
     }
 
     /// The same probe with the lobes that radiance records answer for.
@@ -71,6 +87,11 @@ impl RadianceProbe for SceneProbe<'_> {
         let light_paths =
             joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
 
+        let bright =
+            self.bright.get().filter(|b| !b.patches.is_empty() && bundle.towards_bright > 0);
+        let cones = bright.and_then(|b| b.seen_from(from.position, Some(from.ng)));
+        let aimed = cones.as_ref().map(|cones| Aimed::new(cones, from, bundle));
+
         // Trace the rays that leave the surface on its outer side; a bent shading normal sends some
         // of them inside.
         let mut number = Vec::with_capacity(bundle.len());
@@ -92,7 +113,7 @@ impl RadianceProbe for SceneProbe<'_> {
             bundle.change = [0, 1].map(|_| vec![Color::ZERO; bundle.len()]);
         }
         let mut paths = 0;
-        let indirect = IndirectLight { records: deeper, lobes: self.lobes };
+        let indirect = IndirectLight { records: deeper, lobes: self.lobes, bright };
         let tables = self.lobes.map(|l| l.tables);
         for ((&k, ray), hit) in number.iter().zip(&rays).zip(&hits) {
             let seed = hash(&[bundle.seed, k as u64]);
@@ -116,6 +137,9 @@ impl RadianceProbe for SceneProbe<'_> {
                 let cos = -point.ng.dot(ray.dir);
                 through *= light_paths.weight_of_ray(bundle, &bsdf, bundle.pdf[k], cos, distance);
             }
+            if let Some(aimed) = &aimed {
+                through *= aimed.weight(bundle.pdf[k], ray.dir);
+            }
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
             let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(indirect));
@@ -128,7 +152,10 @@ impl RadianceProbe for SceneProbe<'_> {
             }
             let mut followed = Color::ZERO;
             if let Some((sample, next)) = &step.next {
-                let start = Start { bounces, pdf: sample.pdf, origin: vertex.origin() };
+                // Light that comes straight through panes is direct light, like the light of lamps.
+                let origin = Origin { position: from.position, facing: Some(from.ng) };
+                let aim = Aim::new(0.0, origin, ray.dir).onward(scene, &vertex, sample, next);
+                let start = Start { bounces, aim };
                 let light = self.tracer.incoming(next, &start, &mut sampler, seed, Some(indirect));
                 followed = sample.weight * (light.direct + light.indirect);
                 paths += 1;
@@ -145,14 +172,11 @@ impl RadianceProbe for SceneProbe<'_> {
             }
         }
 
-        let mut blocked = vec![false; shadows.len()];
-        scene.occluded_many(&shadows, &mut blocked);
-        for ((k, radiance, change), blocked) in lit.into_iter().zip(blocked) {
-            if !blocked {
-                bundle.radiance[k] += finite(radiance);
-                if let Some(change) = change {
-                    add_change(bundle, k, change);
-                }
+        for ((k, radiance, change), visible) in lit.into_iter().zip(scene.visibility_many(&shadows))
+        {
+            bundle.radiance[k] += finite(visible * radiance);
+            if let Some(change) = change {
+                add_change(bundle, k, change.map(|c| visible * c));
             }
         }
         let joining = light_paths.map_or(0, |paths| paths.join(from, level, bundle));
@@ -171,6 +195,41 @@ impl RadianceProbe for SceneProbe<'_> {
             choice,
             &self.counts.shadow_rays,
         )))
+    }
+}
+
+/// The rays of one gather that are aimed at small bright surfaces.
+struct Aimed<'a> {
+    cones: &'a Cones,
+    /// Rays of the strata, and those beside.
+    rays: [f32; 2],
+}
+
+/// The steps of a sequence that fills the square evenly at any length: powers of 1/x, x³ = x + 1.
+const STEPS: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+
+impl<'a> Aimed<'a> {
+    /// Adds the rays that `bundle` asks for.
+    fn new(cones: &'a Cones, from: &SurfacePoint, bundle: &mut Bundle) -> Self {
+        let (strata, count) = (bundle.len(), bundle.towards_bright);
+        let mut rng = Rng::new(hash(&[bundle.seed, stream::TOWARDS_BRIGHT]));
+        let shift = rng.next_2d();
+        for k in 0..count {
+            let select = (k as f32 + rng.next_f32()) / count as f32;
+            let dir = cones.sample(select, (shift + k as f32 * STEPS).fract());
+            let w = from.frame.to_local(dir);
+            if w.z > 0.0 {
+                bundle.add(w);
+            }
+        }
+        Self { cones, rays: [strata as f32, count as f32] }
+    }
+
+    /// The share of the strata in all rays with the direction `dir`, which have the density `pdf`
+    /// there: by it counts the radiance of each of them.
+    fn weight(&self, pdf: f32, dir: Vec3) -> f32 {
+        let [strata, aimed] = self.rays;
+        strata * pdf / (strata * pdf + aimed * self.cones.density(dir))
     }
 }
 

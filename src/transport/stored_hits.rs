@@ -4,7 +4,7 @@
 use super::IndirectLight;
 use super::path::{PathTracer, Start};
 use super::points::position_hash;
-use super::vertex::Vertex;
+use super::vertex::{Aim, Origin, Vertex};
 use crate::cache::{Answer, Harmonics, Hits, Store};
 use crate::gather::StoredHit;
 use crate::geometry::SurfacePoint;
@@ -12,9 +12,11 @@ use crate::math::{Color, Vec3};
 use crate::sampling::{Sampler, hash};
 
 impl PathTracer<'_> {
-    /// Radiance that leaves the hit `hit` towards the unit direction `towards`, as a gather of the
-    /// first level sees it: its indirect light where it is known by `indirect`, no emission.
-    fn leaving(&self, hit: &StoredHit, towards: Vec3, seed: u64, indirect: IndirectLight) -> Color {
+    /// Radiance that leaves the hit `hit` along the unit direction `towards` to `from`, as a gather
+    /// of the first level sees it: its indirect light where it is known by `indirect`, no emission.
+    fn leaving(
+        &self, hit: &StoredHit, (from, towards): (Origin, Vec3), seed: u64, indirect: IndirectLight,
+    ) -> Color {
         let plain = SurfacePoint::plain(hit.position, hit.normal);
         let Some(vertex) = self.surface_at(&SurfacePoint { wo: towards, ..plain }, seed) else {
             return Color::ZERO;
@@ -22,13 +24,12 @@ impl PathTracer<'_> {
         let mut sampler = Sampler::new(seed, 0);
         let step = self.step(&vertex, &mut sampler, 1, Some(indirect));
         let mut radiance = step.cached.sum();
-        if let Some((shadow, lit)) = &step.light
-            && !self.scene.occluded(shadow, seed)
-        {
-            radiance += lit.sum();
+        if let Some((shadow, lit)) = &step.light {
+            radiance += lit.behind(self.scene.visibility(shadow, seed)).sum();
         }
         if let Some((sample, next)) = &step.next {
-            let start = Start { bounces: 1, pdf: sample.pdf, origin: vertex.origin() };
+            let aim = Aim::new(0.0, from, -towards).onward(self.scene, &vertex, sample, next);
+            let start = Start { bounces: 1, aim };
             let light = self.incoming(next, &start, &mut sampler, seed, Some(indirect));
             radiance += sample.weight * (light.direct + light.indirect);
         }
@@ -55,7 +56,8 @@ impl PathTracer<'_> {
             if share == Color::ZERO || hit.normal == Vec3::ZERO || !traced {
                 return share * hit.radiance;
             }
-            share * self.leaving(hit, -direction, hash(&[seed, number]), indirect)
+            let to = (v.origin(), -direction);
+            share * self.leaving(hit, to, hash(&[seed, number]), indirect)
         })
     }
 }

@@ -23,6 +23,8 @@ pub struct SceneWorld<'a> {
     reflector: Option<SceneReflector<'a>>,
     appearance_of: Option<&'a AppearanceOf<'a>>,
     towards: Option<&'a Towards<'a>>,
+    /// Gathers have rays for small bright surfaces.
+    seeks_bright: bool,
 }
 
 impl<'a> SceneWorld<'a> {
@@ -31,7 +33,8 @@ impl<'a> SceneWorld<'a> {
         let lobes = lobes.map(|l| l.choice(scheme));
         let probe = SceneProbe::new(tracer).with_lobes(lobes);
         let reflector = lobes.map(|l| SceneReflector { tracer, tables: l.tables });
-        Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None }
+        let seeks_bright = scheme.gather.bright > 0.0;
+        Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None, seeks_bright }
     }
 
     /// The same world in which `of` tells how points look.
@@ -55,6 +58,12 @@ impl<'a> SceneWorld<'a> {
 impl World for SceneWorld<'_> {
     fn probe(&self) -> &dyn RadianceProbe {
         &self.probe
+    }
+
+    fn prepare(&self, points: &[SurfacePoint], seed: u64) {
+        if self.seeks_bright {
+            self.probe.seek_bright(points, seed);
+        }
     }
 
     fn next_points(

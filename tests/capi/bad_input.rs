@@ -122,6 +122,11 @@ fn versions_and_sizes_of_structs() {
         fails(lumi_scene_trace(s, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_scene_get_info(s, null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
         fails(lumi_scene_load_gltf(draft, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
+        fails(
+            lumi_scene_load_gltf_with(draft, c"a.gltf".as_ptr(), null()),
+            LUMI_ERROR_INVALID_ARGUMENT,
+            "NULL",
+        );
         fails(lumi_scene_new(d.0, null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "place");
         fails(lumi_cache_new(s, null(), null_mut()), LUMI_ERROR_INVALID_ARGUMENT, "place");
         fails(lumi_cache_query(c, null()), LUMI_ERROR_INVALID_ARGUMENT, "NULL");
@@ -348,6 +353,9 @@ fn counts_and_numbers_that_cannot_be() {
         ("yfov", |r| r.yfov = 4.0),
         ("orthographic", |r| (r.flags, r.yfov) = (LUMI_RENDER_ORTHOGRAPHIC, f32::NAN)),
         ("camera", |r| r.camera = [0.0; 12]),
+        ("near_plane", |r| r.near_plane = -1.0),
+        ("far_plane", |r| (r.near_plane, r.far_plane) = (2.0, 1.0)),
+        ("far_plane", |r| r.far_plane = f32::NAN),
     ];
     each(&x.render, spoil, |r| unsafe { lumi_cache_render(c.0, r, null(), 0) });
     let mut room = [0.0_f32; 64];

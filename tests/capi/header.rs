@@ -9,7 +9,8 @@ fn root() -> &'static Path {
 /// The files of `src/capi` that declare what C sees, in the order of the header.
 fn sources() -> Vec<PathBuf> {
     let structs = ["abi/common", "abi/scene", "abi/cache"];
-    let functions = ["status", "device", "scene", "cache", "records", "query", "build", "render"];
+    let functions =
+        ["status", "device", "scene", "load", "cache", "records", "query", "build", "render"];
     let names = structs.iter().chain(&functions);
     names.map(|n| root().join(format!("src/capi/{n}.rs"))).collect()
 }

@@ -87,6 +87,13 @@ fn scene_calls(x: &Sound) -> Vec<Call<'_>> {
             Box::new(|h| Some(unsafe { lumi_scene_load_gltf(h.cast(), c"a.gltf".as_ptr()) })),
         ),
         (
+            "lumi_scene_load_gltf_with",
+            Box::new(|h| {
+                let (file, desc) = (c"a.gltf".as_ptr(), sized::<lumi_load_desc>());
+                Some(unsafe { lumi_scene_load_gltf_with(h.cast(), file, &raw const desc) })
+            }),
+        ),
+        (
             "lumi_scene_add_mesh",
             Box::new(|h| {
                 Some(unsafe { lumi_scene_add_mesh(h.cast(), &raw const x.mesh, null_mut()) })

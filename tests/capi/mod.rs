@@ -20,6 +20,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 mod agreement; // with the Rust API
 mod bad_input; // versions, counts, numbers
 mod files; // cache files
+#[cfg(target_arch = "x86_64")]
+mod float_mode; // rounding, traps
 mod glossy;
 mod header; // the C header and the guard
 mod hosted; // the exchange with hosts, without C
@@ -37,7 +39,7 @@ fn last() -> (i32, String) {
 
 /// What must succeed.
 #[track_caller]
-fn ok(code: i32) {
+pub(crate) fn ok(code: i32) {
     assert_eq!(code, LUMI_OK, "{}", last().1);
 }
 
@@ -52,7 +54,7 @@ fn fails(code: i32, wanted: i32, word: &str) {
     );
 }
 
-fn text(s: &str) -> CString {
+pub(crate) fn text(s: &str) -> CString {
     CString::new(s).unwrap()
 }
 
@@ -63,9 +65,9 @@ fn sized<T>() -> T {
 }
 
 /// A device, released at the end.
-struct Device(lumi_device);
-struct SceneHandle(lumi_scene);
-struct CacheHandle(lumi_cache);
+pub(crate) struct Device(pub lumi_device);
+pub(crate) struct SceneHandle(pub lumi_scene);
+pub(crate) struct CacheHandle(pub lumi_cache);
 
 impl Drop for Device {
     fn drop(&mut self) {
@@ -83,7 +85,7 @@ impl Drop for CacheHandle {
     }
 }
 
-fn device(config: &str) -> Device {
+pub(crate) fn device(config: &str) -> Device {
     let mut d = null_mut();
     ok(unsafe { lumi_device_new(LUMI_ABI_VERSION, text(config).as_ptr(), &raw mut d) });
     Device(d)
@@ -103,7 +105,7 @@ fn own(name: &str) -> String {
         .to_owned()
 }
 
-fn loaded(device: &Device, name: &str) -> SceneHandle {
+pub(crate) fn loaded(device: &Device, name: &str) -> SceneHandle {
     let scene = empty_scene(device);
     ok(unsafe { lumi_scene_load_gltf(scene.0, text(&own(name)).as_ptr()) });
     ok(unsafe { lumi_scene_commit(scene.0) });
@@ -111,7 +113,7 @@ fn loaded(device: &Device, name: &str) -> SceneHandle {
 }
 
 /// A cache with few rays.
-fn cache(scene: &SceneHandle) -> CacheHandle {
+pub(crate) fn cache(scene: &SceneHandle) -> CacheHandle {
     let mut c = null_mut();
     ok(unsafe { lumi_cache_new(scene.0, null(), &raw mut c) });
     set(c, "gather.rays", 64);
@@ -124,7 +126,7 @@ fn set(cache: lumi_cache, name: &str, value: i32) {
 }
 
 /// Points on surfaces of a scene, seen from its middle.
-fn seen(scene: &SceneHandle, count: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+pub(crate) fn seen(scene: &SceneHandle, count: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
     let mut info: lumi_scene_info = sized();
     ok(unsafe { lumi_scene_get_info(scene.0, &raw mut info) });
     let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (info.bounds_min[k] + info.bounds_max[k]));
@@ -161,13 +163,15 @@ fn query_of(points: &(Vec<[f32; 3]>, Vec<[f32; 3]>)) -> lumi_query {
     }
 }
 
-struct Answers {
-    irradiance: Vec<[f32; 3]>,
+pub(crate) struct Answers {
+    pub irradiance: Vec<[f32; 3]>,
     error: Vec<f32>,
     status: Vec<u8>,
 }
 
-fn ask(cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>), flags: u32) -> Answers {
+pub(crate) fn ask(
+    cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>), flags: u32,
+) -> Answers {
     let n = points.0.len();
     let mut a =
         Answers { irradiance: vec![[-1.0; 3]; n], error: vec![-1.0; n], status: vec![99; n] };
@@ -182,12 +186,12 @@ fn ask(cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>), flags: u32) -
     a
 }
 
-fn build(cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>)) -> i32 {
+pub(crate) fn build(cache: lumi_cache, points: &(Vec<[f32; 3]>, Vec<[f32; 3]>)) -> i32 {
     let query = query_of(points);
     unsafe { lumi_cache_build(cache, &raw const query) }
 }
 
-fn stats(cache: lumi_cache) -> lumi_stats {
+pub(crate) fn stats(cache: lumi_cache) -> lumi_stats {
     let mut stats: lumi_stats = sized();
     ok(unsafe { lumi_cache_get_stats(cache, &raw mut stats) });
     stats

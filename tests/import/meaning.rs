@@ -182,6 +182,7 @@ fn materials_and_their_extensions() {
         "materials",
         json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}}),
     );
+    show(&mut file, 2);
     let scene = file.load();
     let m = &scene.materials[0];
     assert_eq!(
@@ -220,6 +221,14 @@ fn materials_and_their_extensions() {
     assert!(scene.materials[1].thin && scene.materials[1].native.is_none());
 }
 
+/// Shows the first `count` materials.
+fn show(file: &mut Gltf, count: usize) {
+    let position = file.positions(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    for material in 0..count {
+        file.show(json!({"attributes": {"POSITION": position}, "material": material}));
+    }
+}
+
 /// One pixel, RGBA (200, 100, 50, 64).
 const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGM4kWLkAAAE9QGfhM72PAAAAABJRU5ErkJggg==";
 
@@ -231,6 +240,7 @@ fn specular_glossiness_becomes_a_dielectric_with_its_f0() {
     let old = json!({"diffuseFactor": [0.5, 0.5, 0.5, 1], "specularFactor": [0.25, 0.5, 1], "glossinessFactor": 0.5,
         "specularGlossinessTexture": {"index": texture}});
     file.add("materials", json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}));
+    show(&mut file, 1);
     let scene = file.load();
     let m = &scene.materials[0];
     assert_eq!(
@@ -371,6 +381,7 @@ fn images_beside_the_file_are_found_and_shared() {
     for i in 0..3 {
         file.add("materials", json!({"emissiveTexture": {"index": i}}));
     }
+    show(&mut file, 3);
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, file.glb()).unwrap();
     let scene = load(&path);

@@ -11,6 +11,7 @@ fn the_image_is_neither_mirrored_nor_upside_down() {
         projection: Projection::Perspective { yfov: 1.0 },
         aspect: None,
         to_world: Affine3A::IDENTITY,
+        clip: Camera::NO_CLIP,
     };
     let upper_right = camera.ray(Vec2::new(90.0, 10.0), [100, 100]);
     assert!(upper_right.dir.x > 0.0 && upper_right.dir.y > 0.0 && upper_right.dir.z < 0.0);
@@ -29,7 +30,8 @@ fn a_view_undoes_a_ray_and_counts_pixels() {
     for projection in
         [Projection::Perspective { yfov: 0.9 }, Projection::Orthographic { xmag: 2.0, ymag: 1.5 }]
     {
-        let camera = Camera { name: String::new(), projection, aspect: None, to_world };
+        let clip = Camera::NO_CLIP;
+        let camera = Camera { name: String::new(), projection, aspect: None, to_world, clip };
         let size = [200, 120];
         for raster in [Vec2::new(3.0, 100.0), Vec2::new(100.0, 60.0), Vec2::new(170.5, 20.25)] {
             let at = |raster: Vec2| {

@@ -238,3 +238,27 @@ fn flip_does_not_depend_on_threads() {
         assert!(one == run(threads));
     }
 }
+
+#[test]
+fn pictures_out_of_a_display_s_range_are_exposed_alike() {
+    let gray = |values: [f32; 4], factor: f32| {
+        let values = values.map(|x| factor * x);
+        layers(4, 1, &["R", "G", "B"].map(|c| (c, &values[..])))
+    };
+    let measure = |factor: f32| {
+        let (image, reference) = ([0.1, 0.2, 0.3, 0.5], [0.1, 0.18, 0.33, 0.5]);
+        compare(&gray(image, factor), &gray(reference, factor), &Options::default()).unwrap()
+    };
+    // The median is the third of four: 0.33.
+    let (plain, lux, dim) = (measure(1.0), measure(5000.0), measure(1e-4));
+    assert_eq!(plain.exposure, 0.0);
+    assert!((lux.exposure - (0.18_f32 / (5000.0 * 0.33)).log2()).abs() < 1e-4, "{lux:?}");
+    assert!(lux.text().contains("exposure") && !plain.text().contains("exposure"));
+    // Units do not matter.
+    assert!((lux.psnr.unwrap() - dim.psnr.unwrap()).abs() < 1e-3, "{lux:?} {dim:?}");
+    assert!((lux.flip - dim.flip).abs() < 1e-5 && lux.flip > 0.0, "{lux:?} {dim:?}");
+    // Measures of light are those of the pictures as they are.
+    assert!((lux.rmse / plain.rmse - 5000.0).abs() < 0.1);
+    let black = layers(1, 1, &[("R", &[0.0]), ("G", &[0.0]), ("B", &[0.0])]);
+    assert_eq!(compare(&black, &black, &Options::default()).unwrap().exposure, 0.0);
+}

@@ -66,6 +66,7 @@ pub fn scene_of(mesh: TriangleMesh, material: Material, eye: Vec3, target: Vec3)
             Mat3::from_cols(right, back.cross(right), back),
             eye,
         ),
+        clip: Camera::NO_CLIP,
     };
     let geometry = Geometry {
         meshes: vec![Arc::new(mesh)],

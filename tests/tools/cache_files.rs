@@ -146,7 +146,7 @@ fn stale_and_broken_files_are_refused_each_in_its_own_words() {
 
     let whole = desk.bytes("a.lumi");
     std::fs::write(desk.path("a.lumi"), &whole[..whole.len() / 2]).unwrap();
-    desk.fail(&with(room, &[]), &["a.lumi", "checksum"]);
+    desk.fail(&with(room, &[]), &["a.lumi", "cut short"]);
     std::fs::write(desk.path("a.lumi"), "nothing").unwrap();
     desk.fail(&with(room, &[]), &["a.lumi", "not a cache file"]);
     desk.fail(&["cache", "info", "none.lumi"], &["none.lumi"]);
@@ -154,4 +154,118 @@ fn stale_and_broken_files_are_refused_each_in_its_own_words() {
         desk.run(&[&["render", room], SHORT, &["--cache-reuse"]].concat()).status.code(),
         Some(2)
     );
+}
+
+/// A cache file taken apart, to be put together with a sound checksum.
+struct Parts {
+    head: Vec<u8>,
+    header: Value,
+    data: Vec<u8>,
+}
+
+impl Parts {
+    fn of(bytes: &[u8]) -> Self {
+        let length = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
+        let (head, rest) = (bytes[..16].to_vec(), &bytes[24..bytes.len() - 32]);
+        let header = serde_json::from_slice(&rest[..length]).unwrap();
+        Self { head, header, data: rest[length..].to_vec() }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let header = self.header.to_string().into_bytes();
+        let length = (header.len() as u64).to_le_bytes();
+        let mut bytes = [&self.head[..], &length, &header, &self.data].concat();
+        bytes.extend(blake3::hash(&bytes).as_bytes());
+        bytes
+    }
+
+    /// Puts `value` in the place of the first bytes of the second record of level 0.
+    fn set(&mut self, column: &str, value: &[u8]) {
+        let columns = self.header["levels"][0]["columns"].as_array().unwrap();
+        let column = columns.iter().find(|c| c["name"] == column).unwrap();
+        let number = |key: &str| column[key].as_u64().unwrap() as usize;
+        let at = number("offset") + number("bytes");
+        self.data[at..at + value.len()].copy_from_slice(value);
+    }
+}
+
+#[test]
+fn every_column_has_a_range_that_a_sound_checksum_does_not_excuse() {
+    let desk = Desk::new();
+    desk.cached("indirect-room", &["--prepass-only", "--cache-save", "a.lumi"]);
+    let whole = desk.bytes("a.lumi");
+    let write = |column: &str, value: &[u8]| {
+        let mut parts = Parts::of(&whole);
+        parts.set(column, value);
+        std::fs::write(desk.path("b.lumi"), parts.bytes()).unwrap();
+    };
+    write("position", &[]);
+    desk.print(&["cache", "info", "b.lumi"]);
+    let (inf, nan) = (f32::INFINITY, f32::NAN);
+    for (column, values) in [
+        ("position", &[inf, nan, 3e38, -2e18][..]),
+        ("normal", &[2.0, nan]),
+        ("irradiance", &[-1.0, inf, nan, 2e18]),
+        ("rotation", &[inf, nan]),
+        ("translation", &[inf, nan]),
+        ("length_unclamped", &[-1.0, nan]),
+        ("error", &[0.0, -0.1, 1e-40, inf, nan]),
+        ("footprint", &[0.0, -1.0, 1e-40, inf, nan, 3e38]),
+        ("sigma", &[-1.0, nan]),
+    ] {
+        for value in values {
+            write(column, &value.to_le_bytes());
+            desk.fail(&["cache", "info", "b.lumi"], &["b.lumi", column, "record 1"]);
+        }
+    }
+    for count in [0_u32, 3, 9, u32::MAX] {
+        write("shape", &count.to_le_bytes());
+        desk.fail(&["cache", "info", "b.lumi"], &["b.lumi", "shape"]);
+    }
+    write("fences", &5_u32.to_le_bytes());
+    desk.fail(&["cache", "info", "b.lumi"], &["b.lumi", "fences"]);
+    // An error above the scheme's makes a record valid everywhere.
+    write("error", &3e38_f32.to_le_bytes());
+    let load = ["render", &scene("indirect-room"), "-o", "out.exr", "--cache-load", "b.lumi"];
+    desk.fail(&[&load[..], SHORT].concat(), &["b.lumi", "error"]);
+    desk.print(&[&load[..], SHORT, &["--cache-reuse", "--error", "0.5"]].concat());
+}
+
+#[test]
+fn headers_that_ask_for_more_than_the_file_holds_are_refused() {
+    let desk = Desk::new();
+    desk.cached("indirect-room", &["--prepass-only", "--cache-save", "a.lumi"]);
+    let whole = desk.bytes("a.lumi");
+    let fail = |change: &dyn Fn(&mut Parts), words: &str| {
+        let mut parts = Parts::of(&whole);
+        change(&mut parts);
+        std::fs::write(desk.path("b.lumi"), parts.bytes()).unwrap();
+        desk.fail(&["cache", "info", "b.lumi"], &["b.lumi", words]);
+    };
+    let repeat = |levels: usize| {
+        move |parts: &mut Parts| {
+            let level = parts.header["levels"][0].clone();
+            parts.header["levels"] = vec![level; levels].into();
+        }
+    };
+    fail(&repeat(2), "overlap");
+    fail(&repeat(1000), "overlap");
+    fail(&repeat(40_000), "header is longer");
+    fail(&|parts| parts.header["levels"][0]["records"] = (1_u64 << 60).into(), "columns");
+    fail(&|parts| parts.header["levels"][0]["records"] = u64::MAX.into(), "columns");
+    fail(&|parts| parts.header["levels"][0]["records"] = 0.into(), "columns");
+    fail(&|parts| parts.header["levels"][0]["columns"] = Value::Array(vec![]), "columns");
+    fail(&|parts| parts.header["levels"][0]["columns"][0]["offset"] = u64::MAX.into(), "columns");
+    for extent in [0.0, -1.0, 1e-45, 3e38] {
+        fail(&|parts| parts.header["extent"] = extent.into(), "extent");
+    }
+    fail(&|parts| parts.data.extend([0; 9]), "longer");
+    fail(&|parts| parts.data.truncate(parts.data.len() - 1), "cut short");
+    // A level without records asks for nothing.
+    let mut parts = Parts::of(&whole);
+    let columns = parts.header["levels"][0]["columns"].clone();
+    let empty = serde_json::json!({"records": 0, "columns": columns});
+    parts.header["levels"].as_array_mut().unwrap().push(empty);
+    std::fs::write(desk.path("b.lumi"), parts.bytes()).unwrap();
+    desk.print(&["cache", "info", "b.lumi"]);
 }

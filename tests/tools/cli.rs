@@ -128,8 +128,9 @@ fn bad_values_are_one_clear_line() {
         (&["-o", "folder"], &["folder"]),
         (&["--preview", "missing/out.png"], &["missing/out.png"]),
         (&["--stats", "missing/out.json"], &["missing/out.json"]),
-        (&["-o", "out.exr", "--preview", "./out.exr"], &["out.exr", "one file"]),
-        (&["-o", &room], &["cornell-box.gltf", "one file"]),
+        (&["-o", "out.exr", "--stats", "./out.exr"], &["out.exr", "one file"]),
+        (&["-o", &room], &["cornell-box.gltf", ".exr"]),
+        (&["--stats", &room], &["cornell-box.gltf", "one file"]),
     ];
     for (more, words) in cases {
         // What is wrong is told before the render starts: these would never end.

@@ -1,8 +1,9 @@
 //! What `render` writes: size, layers, preview, statistics.
 
-use crate::support::desk::{Desk, mean, names};
-use lumicache::imagefile::ldr;
+use crate::support::desk::{Desk, QUICK, mean, names};
+use crate::support::gltf_maker::{Gltf, triangle};
 use lumicache::imagefile::{Attribute, Crop, Picture, SampleKind};
+use lumicache::imagefile::{exr, ldr};
 use serde_json::{Value, json};
 
 #[test]
@@ -182,4 +183,38 @@ fn records_are_shown_in_layers_and_preview() {
         std::fs::read(desk.path("plain.png")).unwrap(),
         std::fs::read(desk.path("shown.png")).unwrap()
     );
+}
+
+#[test]
+fn layers_that_halves_would_clip_are_floats_and_all_are_on_demand() {
+    let desk = Desk::new();
+    let kinds = |picture: &Picture| -> Vec<(String, SampleKind)> {
+        picture.channels.iter().map(|c| (c.name.clone(), c.kind)).collect()
+    };
+    let float = desk.render("cornell-box", &["--float", "--aov", "all", "--show-records"]);
+    assert!(kinds(&float).iter().all(|(_, kind)| *kind == SampleKind::Float), "{float:?}");
+    // A sky of a million is seen beside a triangle.
+    let mut file = Gltf::new();
+    triangle(&mut file);
+    file.node(json!({"mesh": 0}));
+    file.scene(&[0]);
+    std::fs::write(desk.path("bright.glb"), file.glb()).unwrap();
+    let mut sky = Picture::new([1, 1]);
+    for name in ["R", "G", "B"] {
+        sky.add(name, SampleKind::Float, vec![1e6]);
+    }
+    exr::write(&desk.path("sky.exr"), &sky).unwrap();
+    let arguments = [&["render", "bright.glb", "--env", "sky.exr", "-o", "out.exr"], QUICK];
+    desk.print(&[&arguments.concat()[..], &["--spp", "1"]].concat());
+    let picture = exr::read(&desk.path("out.exr")).unwrap();
+    for (name, kind) in kinds(&picture) {
+        let bright =
+            !name.contains('.') || name.starts_with("emission.") || name.contains("diffuse");
+        assert!(bright || kind == SampleKind::Half, "{name}");
+        if ["R", "A", "emission.G"].contains(&name.as_str()) {
+            assert_eq!(kind, SampleKind::Float, "{name}");
+        }
+    }
+    let emitted = &picture.channel("emission.R").unwrap().samples;
+    assert!(emitted.contains(&1e6), "{emitted:?}");
 }

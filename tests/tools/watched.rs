@@ -2,6 +2,7 @@
 
 use crate::support::desk::{Desk, ENDLESS, mean, scene, text};
 use lumicache::imagefile::{Attribute, exr};
+use nix::sys::signal::Signal;
 use serde_json::json;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
@@ -60,10 +61,10 @@ fn a_viewer_that_is_not_there_is_told_before_rendering() {
     );
 }
 
-/// What Ctrl-C does.
-fn interrupt(child: &Child) {
+/// What Ctrl-C, a batch system or a closed terminal does.
+fn interrupt(child: &Child, signal: Signal) {
     let process = nix::unistd::Pid::from_raw(child.id().try_into().unwrap());
-    nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGINT).unwrap();
+    nix::sys::signal::kill(process, signal).unwrap();
 }
 
 /// Runs an endless render of the inside of the box, and interrupts it when its first pixels are
@@ -90,7 +91,7 @@ fn interrupted(desk: &Desk, more: &[&str]) -> Output {
     let child =
         desk.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     receive.recv_timeout(Duration::from_secs(120)).expect("the render starts");
-    interrupt(&child);
+    interrupt(&child, Signal::SIGINT);
     let output = child.wait_with_output().unwrap();
     packets.join().unwrap();
     output
@@ -135,38 +136,40 @@ fn an_interrupt_keeps_the_picture_so_far() {
 }
 
 #[test]
-fn an_interrupt_during_the_fill_is_heeded() {
+fn an_interrupt_during_the_fill_keeps_the_old_picture_and_the_records_so_far() {
     let desk = Desk::new();
-    let arguments = [
-        "render",
-        &scene("indirect-room"),
-        "-o",
-        "out.exr",
-        "--stats",
-        "out.json",
-        "--size",
-        "640x480",
-        "--rays",
-        "100000",
-        "--error",
-        "0.01",
-    ];
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap().to_string();
-    let child = desk
-        .command(&[&arguments[..], &["--display-server", &address]].concat())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    // The image is opened just before the fill begins.
-    let mut stream = listener.accept().unwrap().0;
-    assert_eq!(packet(&mut stream), Some(4));
-    std::thread::sleep(Duration::from_millis(300));
-    interrupt(&child);
-    let signalled = Instant::now();
-    let output = child.wait_with_output().unwrap();
-    eprintln!("stopped after {:?}", signalled.elapsed());
-    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    let layers = exr::read(&desk.path("out.exr")).unwrap();
-    assert_eq!((layers.width, layers.attribute("cancelled")), (640, Some(&Attribute::Int(1))));
+    desk.render("cornell-box", &["--preview", "out.png"]);
+    let old = ["out.exr", "out.png"].map(|name| std::fs::read(desk.path(name)).unwrap());
+    for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+        let room = scene("indirect-room");
+        let arguments = "-o out.exr --preview out.png --stats out.json --cache-save out.lumi \
+             --size 640x480 --rays 20000 --error 0.01 --display-server";
+        let arguments: Vec<&str> =
+            ["render", &room].into_iter().chain(arguments.split_whitespace()).collect();
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let child = desk
+            .command(&[&arguments[..], &[&address]].concat())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The image is opened just before the fill begins.
+        let mut stream = listener.accept().unwrap().0;
+        assert_eq!(packet(&mut stream), Some(4));
+        std::thread::sleep(Duration::from_secs(3));
+        interrupt(&child, signal);
+        let signalled = Instant::now();
+        let output = child.wait_with_output().unwrap();
+        let stopped = signalled.elapsed();
+        eprintln!("stopped after {stopped:?}");
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(130), "{error}");
+        assert!(error.contains("out.exr is as it was") && error.lines().count() == 1, "{error}");
+        assert_eq!(["out.exr", "out.png"].map(|n| std::fs::read(desk.path(n)).unwrap()), old);
+        assert!(stopped < Duration::from_secs(20), "{stopped:?}");
+        let saved = lumicache::cache::CacheFile::read(&desk.path("out.lumi")).unwrap();
+        assert!(saved.record_count() > 0);
+        assert_eq!(desk.json("out.json")["cancelled"], json!(true));
+        std::fs::remove_file(desk.path("out.lumi")).unwrap();
+    }
 }

@@ -142,7 +142,13 @@ class RenderDesc(c.Structure):
     _fields_ = [
         (name, c.c_uint32)
         for name in ("struct_size", "flags", "width", "height", "samples", "reserved")
-    ] + [("camera", c.c_float * 12), ("yfov", c.c_float), ("aspect", c.c_float)]
+    ] + [
+        ("camera", c.c_float * 12),
+        ("yfov", c.c_float),
+        ("aspect", c.c_float),
+        ("near_plane", c.c_float),
+        ("far_plane", c.c_float),
+    ]
 
 
 class Layer(c.Structure):

@@ -71,7 +71,11 @@ impl<'a, P: Payload> Gatherer<'a, P> {
         } else {
             (Density::Cosine, HitChange::None)
         };
-        HemisphereSamples::new(layout, density).with_light_paths(paths).with_change(change)
+        let bright = (scheme.gather.bright * layout.rays() as f32).round() as u32;
+        HemisphereSamples::new(layout, density)
+            .with_light_paths(paths)
+            .with_bright(bright)
+            .with_change(change)
     }
 
     /// The record of a gather at `at`, which asks for `order` bands. `others` are the records so

@@ -28,6 +28,11 @@ pub trait World: Sync {
     /// What gathers trace.
     fn probe(&self) -> &dyn RadianceProbe;
 
+    /// `points` are those on the first level that a fill is about to serve.
+    fn prepare(&self, points: &[SurfacePoint], seed: u64) {
+        let _ = (points, seed);
+    }
+
     /// The surface points of `level` that `count` rays from `before` meet, with the order that
     /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
     /// has a radiance cache. Their footprint is for the caller to set.
@@ -106,7 +111,7 @@ impl Cache {
     /// returns for each point how many records of its kind existed when it was visited.
     ///
     /// # Errors
-    /// [`Error::Cancelled`].
+    /// [`Error::Cancelled`]; the levels have the records so far then.
     pub fn fill_levels(
         &mut self, world: &dyn World, points: &[ShadingPoint], plan: &FillPlan,
         report: &mut FillReport, progress: &Progress,
@@ -117,7 +122,9 @@ impl Cache {
             // Light without bounces has nothing to cache.
             return Ok(births);
         }
-        self.settle(&points.iter().map(|p| p.point).collect::<Vec<_>>());
+        let places: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
+        self.settle(&places);
+        world.prepare(&places, plan.seed);
         let mut levels = vec![points.to_vec()];
         for level in 1..count {
             let next = self.next_points(world, level, &levels[usize::from(level) - 1], plan);
@@ -216,7 +223,7 @@ impl Cache {
     /// them. The same arguments give the same records on any number of threads.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays as it was then.
+    /// [`Error::Cancelled`]; the level has the records so far then.
     pub fn fill(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints, seed: u64,
         progress: &Progress,
@@ -224,11 +231,11 @@ impl Cache {
         self.settle(&points.points);
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
         let before = self.records(level).to_vec();
-        let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress)?;
+        let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].irradiance = Arc::new(store);
         }
-        Ok(stats)
+        stats
     }
 
     /// As [`Cache::fill`], in the radiance cache of `level`. `reflector` tells how surfaces
@@ -236,7 +243,7 @@ impl Cache {
     /// level has no radiance cache.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level stays as it was then.
+    /// [`Error::Cancelled`]; the level has the records so far then.
     pub fn fill_radiance(
         &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
         points: &LevelPoints, seed: u64, progress: &Progress,
@@ -246,11 +253,11 @@ impl Cache {
             return Ok(FillStats::default());
         };
         let before = self.radiance_records(level).to_vec();
-        let (store, stats) = extend::<Harmonics>(gatherer, before, points, progress)?;
+        let (store, stats) = extend::<Harmonics>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].radiance = Some(Arc::new(store));
         }
-        Ok(stats)
+        stats
     }
 
     /// Refines the irradiance records of a filled level until they have fully converged with
@@ -275,8 +282,8 @@ impl Cache {
     /// Gathers do not see the level meanwhile.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and the level is empty then; [`Error::InvalidArgument`] if points and
-    /// appearances are not of one length or the level is not filled.
+    /// [`Error::Cancelled`], and the level has the records so far then; [`Error::InvalidArgument`]
+    /// if points and appearances are not of one length or the level is not filled.
     pub fn refine(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints,
         appearances: &Appearances, seed: u64, progress: &Progress,
@@ -290,7 +297,7 @@ impl Cache {
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
         let (store, stats) = refine(gatherer, records, points, appearances, progress)?;
         self.levels[usize::from(level)].irradiance = Arc::new(store);
-        Ok(stats)
+        stats
     }
 
     /// As [`Cache::refine`] for radiance records. They are compared by the radiance that leaves the
@@ -310,7 +317,7 @@ impl Cache {
         let records = self.radiance_records(level).to_vec();
         let (store, stats) = refine(gatherer, records, points, appearances, progress)?;
         self.levels[usize::from(level)].radiance = Some(Arc::new(store));
-        Ok(stats)
+        stats
     }
 
     fn radiance_gatherer<'a>(
@@ -342,17 +349,18 @@ impl Cache {
     }
 }
 
-/// What the records `before` and those that `points` need become, and what was done; `None` if no
-/// new one was needed.
+/// What the records `before` and those that `points` need become, `None` if no new one was needed,
+/// and what was done. The latter is [`Error::Cancelled`] where the former are only the records so
+/// far.
 fn extend<P: Payload>(
     gatherer: Gatherer<P>, before: Vec<Record<P>>, points: &LevelPoints, progress: &Progress,
-) -> Result<(Option<Store<P>>, FillStats)> {
+) -> (Option<Store<P>>, Result<FillStats>) {
     let count = before.len();
     let mut filling = Filling::new(gatherer, before);
-    filling.run(points, progress)?;
+    let end = filling.run(points, progress);
     let Filling { records, stats, .. } = filling;
     let store = (records.len() > count).then(|| gatherer.rules.store(gatherer.level, records));
-    Ok((store, stats))
+    (store, end.map(|()| stats))
 }
 
 fn level_points(chosen: &[ShadingPoint], round: usize) -> LevelPoints {

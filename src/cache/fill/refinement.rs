@@ -61,24 +61,24 @@ struct Convergence<'a, P: Payload> {
     given: Vec<bool>,
 }
 
-/// Refines records: see [`Cache::refine`](crate::cache::Cache::refine).
+/// What records become, and what was done: see [`Cache::refine`](crate::cache::Cache::refine). The
+/// latter is [`Error::Cancelled`] where the former are only the records so far.
 ///
 /// # Errors
-/// [`Error::Cancelled`]; [`Error::InvalidArgument`] if points and appearances are not of one
-/// length.
+/// [`Error::InvalidArgument`] if points and appearances are not of one length.
 pub(super) fn refine<'a, P: Payload>(
     gatherer: Gatherer<'a, P>, records: Vec<Record<P>>, points: &'a LevelPoints,
     appearances: &'a Appearances<'a>, progress: &Progress,
-) -> Result<(Store<P>, FillStats)> {
+) -> Result<(Store<P>, Result<FillStats>)> {
     if points.points.len() != appearances.of_points.len() {
         let (p, a) = (points.points.len(), appearances.of_points.len());
         let what = format!("{p} shading points cannot have {a} appearances");
         return Err(Error::InvalidArgument(what));
     }
     let mut convergence = Convergence::new(Filling::resume(gatherer, records), points, appearances);
-    convergence.run(progress)?;
+    let end = convergence.run(progress);
     let Filling { records, stats, .. } = convergence.filling;
-    Ok((gatherer.rules.store(gatherer.level, records), stats))
+    Ok((gatherer.rules.store(gatherer.level, records), end.map(|()| stats)))
 }
 
 impl<'a, P: Payload> Convergence<'a, P> {
@@ -108,6 +108,9 @@ impl<'a, P: Payload> Convergence<'a, P> {
         let mut stale = PointSet::new(count);
         queue.iter().filter(|&&p| self.lists[p as usize].is_empty()).for_each(|&p| stale.insert(p));
         while !queue.is_empty() {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
             self.filling.stats.passes += 1;
             self.refine(&queue, &mut stale);
             queue = self.cover(&mut stale, progress)?;
@@ -171,7 +174,8 @@ impl<'a, P: Payload> Convergence<'a, P> {
             }
             let lengths: Vec<f32> = self.filling.records.iter().map(|r| r.length).collect();
             let chosen = self.filling.choose(&self.view.points.points, &pending);
-            self.filling.make_records(&self.view.points.points, &self.view.points.orders, &chosen);
+            let LevelPoints { points, orders, .. } = self.view.points;
+            self.filling.make_records(points, orders, &chosen, progress);
             chosen.iter().for_each(|&p| self.given[p as usize] = true);
             self.changes.resize(self.filling.records.len(), 0);
             for (id, &length) in lengths.iter().enumerate() {

@@ -113,7 +113,7 @@ impl<'a, P: Payload> Filling<'a, P> {
             // Nothing new that could be noisy, or clamp others.
             return Ok(());
         }
-        self.regather_noisy();
+        self.regather_noisy(progress);
         // Neighbour clamping may have uncovered points of earlier rounds, and the records made for
         // those may uncover more.
         for _ in 0..LAST_ROUNDS {
@@ -145,7 +145,7 @@ impl<'a, P: Payload> Filling<'a, P> {
                 return Ok(());
             }
             let chosen = self.choose(points, &pending);
-            self.make_records(points, orders, &chosen);
+            self.make_records(points, orders, &chosen, progress);
             self.reindex(false);
             // A point that was given a record is done, whatever the index says of it.
             pending.retain(|i| chosen.binary_search(i).is_err());
@@ -200,19 +200,24 @@ impl<'a, P: Payload> Filling<'a, P> {
     }
 
     /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all
-    /// records to each other. `orders` are those that the points ask for, if they ask for any.
-    pub fn make_records(&mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32]) {
+    /// records to each other. `orders` are those that the points ask for, if they ask for any. Once
+    /// the work is cancelled, the points that have none yet get none.
+    pub fn make_records(
+        &mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32], progress: &Progress,
+    ) {
         let order = |i: u32| orders.get(i as usize).copied().unwrap_or(0);
         let others = (&self.records[..], &self.envelope);
         let make = |samples: &mut _, &i: &u32| {
-            self.gatherer.record(samples, &points[i as usize], order(i), others)
+            let wanted = !progress.is_cancelled();
+            let record = || self.gatherer.record(samples, &points[i as usize], order(i), others);
+            wanted.then(record).map(|made| (i, made))
         };
-        let made: Vec<Gathered<P>> =
-            chosen.par_iter().map_init(|| self.gatherer.samples(), make).collect();
+        let made: Vec<(u32, Gathered<P>)> =
+            chosen.par_iter().map_init(|| self.gatherer.samples(), make).flatten().collect();
         let rays = self.gatherer.rules.scheme.layout(self.gatherer.level).rays() as u64;
         let errors: Vec<f32> =
-            made.iter().map(|made| self.error_of_new(made.record.position)).collect();
-        for ((made, error), &i) in made.into_iter().zip(errors).zip(chosen) {
+            made.iter().map(|(_, made)| self.error_of_new(made.record.position)).collect();
+        for ((i, made), error) in made.into_iter().zip(errors) {
             self.stats.gather_rays += rays * (1 + u64::from(made.retaken));
             self.stats.retaken += u64::from(made.retaken);
             self.records.push(Record { error, ..made.record });
@@ -235,7 +240,7 @@ impl<'a, P: Payload> Filling<'a, P> {
     /// A record is judged together with those around it. By its own samples alone it would be kept
     /// where they happened to miss a small bright light, which makes them look clean, and thrown
     /// away where they happened to find it: the picture would become darker.
-    fn regather_noisy(&mut self) {
+    fn regather_noisy(&mut self, progress: &Progress) {
         let gatherer = &self.gatherer;
         let scheme = gatherer.rules.scheme;
         if gatherer.level > 0 || scheme.gather.noise <= 0.0 {
@@ -258,7 +263,7 @@ impl<'a, P: Payload> Filling<'a, P> {
             .origins
             .par_iter()
             .enumerate()
-            .filter(|(_, (at, _))| noisy(at))
+            .filter(|(_, (at, _))| !progress.is_cancelled() && noisy(at))
             .map_init(
                 || gatherer.empty_gather(layout),
                 |samples, (k, (at, order))| {

@@ -57,6 +57,10 @@ impl Scheme {
                  gathered again when all are made",
             ),
             (
+                self.gather.bright > 0.0 && self.extrapolation.light_paths() > 0,
+                "of `gather.bright` and `extrapolation.light_paths` one must be 0",
+            ),
+            (
                 self.refinement.is_some() && !simple,
                 "setting `refinement` needs `validity.kernel` ward or tabellion, `radius.area` \
                  disc and no `extrapolation.kind` second",

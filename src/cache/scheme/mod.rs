@@ -37,6 +37,10 @@ group! {
         /// A record of the first level whose relative standard error exceeds this is gathered again
         /// with four times the rays; 0 means never.
         pub noise: f32 = within(0.0, INFINITY),
+        /// Rays towards small bright surfaces where those light up a scene, such as an uplight's
+        /// spot on the ceiling, as a share of the rays of a gather; 0 for none. Where light is
+        /// spread, there are none.
+        pub bright: f32 = within(0.0, 4.0),
         /// How the translational gradient of irradiance is estimated.
         pub gradient: TranslationalGradient,
     }

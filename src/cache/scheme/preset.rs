@@ -3,6 +3,7 @@
 use super::Scheme;
 use super::set::{Change, changed};
 use crate::error::{Error, Result};
+use crate::fsutil;
 use serde_json::Value;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -90,7 +91,8 @@ impl Preset {
     /// [`Error::Io`] if the file cannot be read, [`Error::InvalidArgument`] naming the file, the
     /// line and the setting that is wrong.
     pub fn from_file(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = String::from_utf8(fsutil::read(path)?)
+            .map_err(|_| Error::InvalidArgument(format!("{}: it is no text", path.display())))?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         Self::parse(&name, &text, &PRESETS)
             .map_err(|what| Error::InvalidArgument(format!("{}, {what}", path.display())))

@@ -5,6 +5,7 @@ use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Quadratic};
 use crate::cache::record::{Area, Fences, Record, SECTORS};
 use crate::gather::Hessian;
 use crate::math::{Color, Mat3, Vec3, Vec4};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// A value of fixed size in a file, little-endian.
@@ -222,62 +223,104 @@ pub struct Heading {
     pub bytes: usize,
     /// A column of zeros may be left out.
     pub optional: bool,
+    /// What its values can be, in words.
+    pub range: &'static str,
 }
 
-/// Makes the table from the lists of fields: `$held` are those of the payload. A new field of
-/// [`Record`] or [`Irradiance`] does not compile until it is in a list, or is named as one that
-/// others determine.
+/// The largest coordinate, irradiance and size: the square is still a number.
+const LARGEST: f32 = 1e18;
+/// What radii can be relative to.
+pub const EXTENTS: RangeInclusive<f32> = f32::MIN_POSITIVE..=LARGEST;
+
+/// Makes the table from the lists of fields with their ranges, in words and as a test: those of the
+/// record, those of its payload. A new field of [`Record`] or [`Irradiance`] does not compile until
+/// it is in a list, or is named as one that others determine.
 macro_rules! columns {
-    ($($place:ident),*; $($held:ident),*; $($more:ident),*) => {
+    (
+        record { $($field:ident: $range:literal, $sound:expr;)* }
+        payload { $($held:ident: $held_range:literal, $held_sound:expr;)* }
+    ) => {
         /// The columns.
         pub fn table() -> Vec<Heading> {
             fn heading<T: Column>(
-                name: &'static str,
-                _: impl Fn(&Record<Irradiance>) -> &T,
+                name: &'static str, range: &'static str, _: impl Fn(&Record<Irradiance>) -> &T,
             ) -> Heading {
-                Heading { name, bytes: T::BYTES, optional: T::OPTIONAL }
+                Heading { name, bytes: T::BYTES, optional: T::OPTIONAL, range }
             }
             vec![
-                $(heading(stringify!($place), |r| &r.$place),)*
-                $(heading(stringify!($held), |r| &r.payload.$held),)*
-                $(heading(stringify!($more), |r| &r.$more),)*
+                $(heading(stringify!($field), $range, |r| &r.$field),)*
+                $(heading(stringify!($held), $held_range, |r| &r.payload.$held),)*
             ]
         }
 
         /// Appends the values of `record` to `columns`, which are in the order of [`table`].
         pub fn put(record: &Record<Irradiance>, columns: &mut [Vec<u8>]) {
             // `limit` and `length` follow from the unclamped lengths of all records.
-            let Record { $($place,)* payload, $($more,)* limit: _, length: _ } = record;
+            let Record { $($field,)* payload, limit: _, length: _ } = record;
             let Irradiance { $($held),* } = payload;
             let mut columns = columns.iter_mut();
             $(if let Some(column) = columns.next() {
-                $place.put(column);
+                $field.put(column);
             })*
             $(if let Some(column) = columns.next() {
                 $held.put(column);
             })*
-            $(if let Some(column) = columns.next() {
-                $more.put(column);
-            })*
         }
 
-        /// The record whose values `value(name)` finds; `None` if one is missing or is none that a
-        /// sound record holds.
-        pub fn get<'a>(value: impl Fn(&str) -> Option<&'a [u8]>) -> Option<Record<Irradiance>> {
-            $(let $place = Column::get(value(stringify!($place))?)?;)*
-            $(let $held = Column::get(value(stringify!($held))?)?;)*
-            $(let $more = Column::get(value(stringify!($more))?)?;)*
+        /// The record whose value in column `k` of [`table`] is `value(k)`.
+        ///
+        /// # Errors
+        /// The number of the first column whose value is none that a record can have.
+        pub fn get<'a>(
+            value: impl Fn(usize) -> &'a [u8],
+        ) -> std::result::Result<Record<Irradiance>, usize> {
+            fn one<'a, T: Column>(
+                column: &mut usize, value: &impl Fn(usize) -> &'a [u8], sound: impl Fn(&T) -> bool,
+            ) -> std::result::Result<T, usize> {
+                let found = T::get(value(*column)).filter(sound).ok_or(*column);
+                *column += 1;
+                found
+            }
+            let mut k = 0;
+            $(let $field = one(&mut k, &value, $sound)?;)*
+            $(let $held = one(&mut k, &value, $held_sound)?;)*
             let payload = Irradiance { $($held),* };
-            let (limit, length) = (f32::INFINITY, 0.0);
-            let record = Record { $($place,)* payload, limit, length, $($more),* };
-            let unit = (record.normal.length() - 1.0).abs() < 1e-3;
-            unit.then_some(Record { length: record.length_unclamped, ..record })
+            let record = Record { $($field,)* payload, limit: f32::INFINITY, length: 0.0 };
+            Ok(Record { length: record.length_unclamped, ..record })
         }
     };
 }
 
 columns!(
-    position, normal;
-    irradiance, rotation, translation, curve, axes;
-    shape, length_unclamped, error, footprint, sigma, fences
+    record {
+        position: "coordinates from -1e18 to 1e18", |p: &Vec3| p.abs().max_element() <= LARGEST;
+        normal: "of length 1", |n: &Vec3| (n.length() - 1.0).abs() < 1e-3;
+        shape: "1, 2 or 8 lengths, 0 to infinity, and an axis of length 1", |_: &Area| true;
+        length_unclamped: "0 to infinity", |_: &f32| true;
+        error: "above 0, finite, up to the error of the scheme", |e: &f32| e.is_normal();
+        footprint: "above 0, up to 1e18", |f: &f32| f.is_normal() && *f <= LARGEST;
+        sigma: "0 to infinity", |_: &f32| true;
+        fences: "up to 4 planes of finite numbers", |_: &Fences| true;
+    }
+    payload {
+        irradiance: "0 to 1e18", |e: &Color| e.min_element() >= 0.0 && e.max_element() <= LARGEST;
+        rotation: "finite numbers", |_: &Mat3| true;
+        translation: "finite numbers", |_: &Mat3| true;
+        curve: "finite numbers", |_: &Option<Curve>| true;
+        axes: "finite numbers, lengths above 0", |_: &Option<Arc<Axes>>| true;
+    }
 );
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_guide_has_every_column_with_its_range() {
+        let guide = include_str!("../../../docs/guide/cache-files.md");
+        for Heading { name, bytes, range, .. } in table() {
+            let row = format!("| `{name}` | {bytes} | {range} |");
+            assert!(guide.contains(&row), "docs/guide/cache-files.md lacks: {row}");
+        }
+    }
+}

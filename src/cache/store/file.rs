@@ -2,12 +2,12 @@
 //!
 //! A file begins with 8 bytes of magic, the version of the layout (u32), a mark of the byte order
 //! (u32) and the length of the header (u64); then come the header, which is JSON, the columns that
-//! it lists, and a BLAKE3 hash of everything before it. Numbers are little-endian. Columns that a
-//! reader does not know are skipped. Lengths are stored as the gathers gave them, before neighbours
-//! clamped them, so that files can be joined.
+//! it lists, one after the other, and a BLAKE3 hash of everything before it. Numbers are
+//! little-endian. Columns that a reader does not know are skipped. Lengths are stored as the
+//! gathers gave them, before neighbours clamped them, so that files can be joined.
 
 use super::cache::Cache;
-use super::columns;
+use super::columns::{self, Heading};
 use crate::cache::payload::Irradiance;
 use crate::cache::record::Record;
 use crate::cache::scheme::Scheme;
@@ -18,6 +18,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashSet};
+use std::io::Read;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"\x89LUMI\r\n\x1a";
@@ -27,8 +28,8 @@ const VERSION: u32 = 3;
 const BYTE_ORDER: u32 = 0x0102_0304;
 const FIXED: usize = 24;
 const HASH: usize = blake3::OUT_LEN;
-/// Longest header that is read: thousands of times what one needs.
-const MAX_HEADER: u64 = 1 << 24;
+/// Longest header that is read: a hundred times what one needs.
+const MAX_HEADER: u64 = 1 << 20;
 
 /// What records were made for, and how: those of another origin are of no use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,10 +154,12 @@ impl CacheFile {
     }
 
     /// A cache of `scheme` with these records, for the use that `origin` describes. With `reuse`
-    /// records of another origin are taken too, as far as they have the same zero.
+    /// records of another origin are taken too, as far as they have the same zero; none is used at
+    /// more than the scheme's error.
     ///
     /// # Errors
-    /// [`Error::Stale`] naming `path` if the origins differ.
+    /// [`Error::Stale`] naming `path` if the origins differ; [`Error::Corrupt`] for records that
+    /// are to be used at more than the scheme's error.
     pub fn into_cache(
         self, scheme: Scheme, origin: &Origin, reuse: bool, path: &Path,
     ) -> Result<Cache> {
@@ -168,7 +171,12 @@ impl CacheFile {
         }
         let mut cache =
             Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX)).with_extent(self.extent);
-        for (level, records) in (0..cache.level_count()).zip(self.levels) {
+        for (level, mut records) in (0..cache.level_count()).zip(self.levels) {
+            let most = cache.radius_rule(level).allowed_error();
+            if !reuse && records.iter().any(|r| r.error > most) {
+                return Err(corrupt(path, "its column `error` holds more than its scheme allows"));
+            }
+            records.iter_mut().for_each(|r| r.error = r.error.min(most));
             if !records.is_empty() {
                 cache.replace(level, records);
             }
@@ -258,13 +266,20 @@ impl CacheFile {
         bytes
     }
 
-    /// Reads the file at `path`.
+    /// Reads the file at `path`. Its first bytes decide whether the others are worth reading.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Corrupt`] for anything but an undamaged cache file,
-    /// [`Error::Unsupported`] for one of a later layout.
+    /// [`Error::Unsupported`] for one of a later layout, [`Error::OutOfMemory`].
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_bytes(&std::fs::read(path).map_err(Error::io(path))?, path)
+        let file = fsutil::open(path)?;
+        let length = file.metadata().map_err(Error::io(path))?.len();
+        let mut head = Vec::new();
+        (&file).take(FIXED as u64).read_to_end(&mut head).map_err(Error::io(path))?;
+        let header = head_of(&head, length, path)?;
+        (&file).take(header).read_to_end(&mut head).map_err(Error::io(path))?;
+        Header::parse(head.get(FIXED..).unwrap_or_default(), length, path)?;
+        Self::from_bytes(&fsutil::read(path)?, path)
     }
 
     /// The file at `path` whose content is `bytes`.
@@ -272,68 +287,119 @@ impl CacheFile {
     /// # Errors
     /// Those of [`CacheFile::read`].
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
-        let corrupt = |what: &str| Error::Corrupt { file: path.to_owned(), what: what.to_owned() };
-        if !bytes.starts_with(MAGIC) {
-            return Err(corrupt("it is not a cache file of lumicache"));
+        let length = bytes.len() as u64;
+        let end = FIXED + head_of(bytes, length, path)? as usize;
+        let header = Header::parse(&bytes[FIXED..end], length, path)?;
+        let (content, hash) = bytes.split_at(bytes.len() - HASH);
+        if blake3::hash(content).as_bytes() != hash {
+            return Err(corrupt(path, "its checksum is wrong: it was changed"));
         }
-        let (content, hash) = bytes
-            .split_last_chunk::<HASH>()
-            .filter(|(c, _)| c.len() >= FIXED)
-            .ok_or_else(|| corrupt("it is cut short"))?;
-        let word = |at: usize| {
-            u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]])
-        };
-        if word(8) > VERSION {
-            let what = format!(
-                "its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}",
-                word(8)
-            );
-            return Err(Error::unsupported(path, "", what));
-        }
-        if blake3::hash(content) != *hash {
-            return Err(corrupt("its checksum is wrong: it was cut short or changed"));
-        }
-        if word(8) == 0 || word(12) != BYTE_ORDER {
-            return Err(corrupt("its first bytes are damaged"));
-        }
-        let length = u64::from(word(16)) | u64::from(word(20)) << 32;
-        let (header, data) = usize::try_from(length.min(MAX_HEADER + 1))
-            .ok()
-            .and_then(|n| content[FIXED..].split_at_checked(n))
-            .ok_or_else(|| corrupt("its header is longer than the file"))?;
-        let header: Header = serde_json::from_slice(header)
-            .map_err(|e| corrupt(&format!("its header is damaged: {e}")))?;
-        let levels: Option<Vec<Vec<Record<Irradiance>>>> =
-            header.levels.iter().map(|level| level.read(data)).collect();
-        let levels =
-            levels.ok_or_else(|| corrupt("a record is missing or holds what no record can"))?;
+        let read =
+            |level: &LevelHeader| level.read(&content[end..]).map_err(|what| corrupt(path, &what));
+        let levels = header.levels.iter().map(read).collect::<Result<_>>()?;
         Ok(Self { origin: header.origin, extent: header.extent, levels })
     }
 }
 
+fn corrupt(path: &Path, what: &str) -> Error {
+    Error::Corrupt { file: path.to_owned(), what: what.to_owned() }
+}
+
+/// The length of the header of the file at `path` that begins with `bytes`.
+fn head_of(bytes: &[u8], length: u64, path: &Path) -> Result<u64> {
+    if !bytes.starts_with(MAGIC) {
+        return Err(corrupt(path, "it is not a cache file of lumicache"));
+    }
+    let Some(head) = bytes.first_chunk::<FIXED>() else {
+        return Err(corrupt(path, "it is cut short"));
+    };
+    let word = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+    if word(8) > VERSION {
+        let what = format!(
+            "its layout has version {}, which a later lumicache wrote; this one reads up to {VERSION}",
+            word(8)
+        );
+        return Err(Error::unsupported(path, "", what));
+    }
+    if word(8) == 0 || word(12) != BYTE_ORDER {
+        return Err(corrupt(path, "its first bytes are damaged"));
+    }
+    let header = u64::from(word(16)) | u64::from(word(20)) << 32;
+    if header > MAX_HEADER {
+        return Err(corrupt(path, "its header is longer than one can be"));
+    }
+    if header + (FIXED + HASH) as u64 > length {
+        return Err(corrupt(path, "it is cut short"));
+    }
+    Ok(header)
+}
+
+impl Header {
+    /// The header in `bytes` of the file at `path`, all of whose other bytes must belong to the
+    /// columns: no byte is read for two of them, so records cannot be many more than the file is
+    /// long.
+    fn parse(bytes: &[u8], length: u64, path: &Path) -> Result<Self> {
+        let header: Self = serde_json::from_slice(bytes)
+            .map_err(|e| corrupt(path, &format!("its header is damaged: {e}")))?;
+        let data = length.checked_sub((FIXED + bytes.len() + HASH) as u64);
+        let mut columns: Vec<_> = Vec::new();
+        for level in &header.levels {
+            let end = |c: &ColumnHeader| c.offset.checked_add(c.bytes.checked_mul(level.records)?);
+            columns.extend(level.columns.iter().map(|c| Some((c.offset, end(c)?))));
+        }
+        let columns: Option<Vec<_>> = columns.into_iter().collect();
+        let end = columns.and_then(|mut columns| {
+            columns.sort_unstable();
+            columns.iter().try_fold(0, |end, c| (c.0 == end).then_some(c.1))
+        });
+        match end {
+            None => Err(corrupt(path, "its header names columns that overlap or leave room")),
+            Some(end) if Some(end) > data => Err(corrupt(path, "it is cut short")),
+            Some(end) if Some(end) < data => Err(corrupt(path, "it is longer than its columns")),
+            Some(end) if end > 0 && !columns::EXTENTS.contains(&header.extent) => {
+                Err(corrupt(path, "its extent is none that a scene can have"))
+            }
+            Some(_) => Ok(header),
+        }
+    }
+}
+
 impl LevelHeader {
-    /// The level's records; `None` if any is missing or broken.
-    fn read(&self, data: &[u8]) -> Option<Vec<Record<Irradiance>>> {
-        let count = usize::try_from(self.records).ok()?;
-        let mut columns = BTreeMap::new();
-        let zeros = vec![0; columns::table().iter().map(|h| h.bytes).max()?];
-        for heading in columns::table() {
-            let bytes = heading.bytes;
-            let found = match self.columns.iter().find(|c| c.name == heading.name) {
-                Some(column) if column.bytes == bytes as u64 => {
-                    let start = usize::try_from(column.offset).ok()?;
-                    Some(data.get(start..start.checked_add(bytes.checked_mul(count)?)?)?)
+    /// The level's records.
+    ///
+    /// # Errors
+    /// The column that is missing, or a value that no record can have.
+    fn read(&self, data: &[u8]) -> std::result::Result<Vec<Record<Irradiance>>, String> {
+        let table = columns::table();
+        let mut columns = Vec::with_capacity(table.len());
+        for heading in &table {
+            let found = self.columns.iter().find(|c| c.name == heading.name);
+            let damaged = || format!("its column `{}` is missing or damaged", heading.name);
+            columns.push(match found {
+                Some(column) if column.bytes == heading.bytes as u64 => {
+                    let range = column.offset..column.offset + column.bytes * self.records;
+                    Some(data.get(range.start as usize..range.end as usize).ok_or_else(damaged)?)
                 }
                 None if heading.optional => None,
-                _ => return None,
-            };
-            columns.insert(heading.name, (bytes, found));
+                _ => return Err(damaged()),
+            });
         }
-        let value = |name: &str, i: usize| {
-            columns.get(name).map(|&(bytes, data)| {
-                data.map_or(&zeros[..bytes], |d| &d[i * bytes..(i + 1) * bytes])
-            })
-        };
-        (0..count).map(|i| columns::get(|name| value(name, i))).collect()
+        let mut records = Vec::new();
+        let count = usize::try_from(self.records).ok();
+        count
+            .and_then(|count| records.try_reserve_exact(count).ok())
+            .ok_or_else(|| format!("there is no memory for {} records", self.records))?;
+        let zeros = vec![0; table.iter().map(|h| h.bytes).max().unwrap_or(0)];
+        for i in 0..self.records as usize {
+            let value = |k: usize| {
+                let bytes = table[k].bytes;
+                columns[k].map_or(&zeros[..bytes], |c| &c[i * bytes..(i + 1) * bytes])
+            };
+            records.push(columns::get(value).map_err(|k| {
+                let Heading { name, range, .. } = table[k];
+                format!("its column `{name}` ({range}) is damaged, first at record {i}")
+            })?);
+        }
+        Ok(records)
     }
 }

@@ -161,6 +161,10 @@ pub struct lumi_render_desc {
     /// Width of the camera's picture over its height, for orthographic cameras; 0: that of the
     /// pixels.
     pub aspect: f32,
+    /// Near plane: the camera sees nothing that is nearer to it along its -z.
+    pub near_plane: f32,
+    /// Far plane: the camera sees nothing that is farther away; 0: everything.
+    pub far_plane: f32,
 }
 
 /// A layer of a picture: its name in EXR files, "" for the beauty, and where its samples go.

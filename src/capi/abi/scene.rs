@@ -3,6 +3,24 @@
 use super::common::{Versioned, lumi_view, versioned};
 use std::ffi::{c_char, c_void};
 
+/// Flag of a file: what breaks the glTF specification is an error, also where it could be mended.
+pub const LUMI_LOAD_STRICT: u32 = 1;
+/// Flag of a file: files outside its folder are read too, where the file names them.
+pub const LUMI_LOAD_ALLOW_OUTSIDE: u32 = 2;
+
+/// How a file is read.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct lumi_load_desc {
+    /// sizeof(lumi_load_desc).
+    pub struct_size: u32,
+    /// LUMI_LOAD_*.
+    pub flags: u32,
+    /// Bytes that reading may take, beyond which it fails with LUMI_ERROR_OUT_OF_MEMORY; 0: 1 GiB
+    /// and 64 times the size of the files.
+    pub memory_limit: u64,
+}
+
 /// A triangle mesh. The front of a triangle is where its vertices run counter-clockwise.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -255,6 +273,7 @@ pub struct lumi_trace_desc {
 }
 
 versioned!(
+    lumi_load_desc,
     lumi_mesh_desc,
     lumi_material_desc,
     lumi_texture_desc,

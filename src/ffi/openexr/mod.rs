@@ -24,5 +24,8 @@ mod raw {
 mod data;
 mod writer;
 
+#[cfg(test)]
+mod tests;
+
 pub use data::{Channel, Samples, Window};
 pub use writer::{Result, Writer};

@@ -388,18 +388,21 @@ impl<'a> Pipeline<'a> {
             self.raw.write_fn = None;
             check(raw::exr_encoding_run(context, part, &mut *self.raw))?;
         }
-        if self.raw.compressed_buffer.is_null() {
+        // A reader takes a chunk as long as the raw one for raw, so only what deflating made
+        // smaller goes into the file deflated. The C core alone (3.1.5) writes it at equal
+        // length, too.
+        let (start, length) = match (self.raw.compressed_bytes, self.raw.packed_bytes) {
+            (deflated, packed) if deflated < packed as usize => {
+                (self.raw.compressed_buffer, deflated)
+            }
+            (_, packed) => (self.raw.packed_buffer, packed as usize),
+        };
+        if start.is_null() || length == 0 {
             return Err("a chunk came out empty".to_owned());
         }
-        // SAFETY: after a successful run `compressed_bytes` initialised bytes lie at
-        // `compressed_buffer`.
-        Ok(unsafe {
-            std::slice::from_raw_parts(
-                self.raw.compressed_buffer.cast::<u8>(),
-                self.raw.compressed_bytes,
-            )
-        }
-        .to_vec())
+        // SAFETY: after a successful run the packed pixels lie at `packed_buffer` and what was made
+        // of them at `compressed_buffer`, of these lengths.
+        Ok(unsafe { std::slice::from_raw_parts(start.cast::<u8>(), length) }.to_vec())
     }
 }
 

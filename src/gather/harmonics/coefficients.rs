@@ -50,7 +50,7 @@ impl HemisphereSamples {
                 let (j, i) = self.layout.cell(k);
                 let aside = j * row + if i + 1 < row { i + 1 } else { i - 1 };
                 let across = (if j + 1 < rows { j + 1 } else { j - 1 }) * row + i;
-                let square = |other: usize| luminance(b.radiance[k] - b.radiance[other]).powi(2);
+                let square = |other: usize| luminance(b.of_ray(k) - b.of_ray(other)).powi(2);
                 0.25 * (square(aside) + square(across)) * self.solid_angle(k).powi(2)
             };
             let w =

@@ -61,6 +61,9 @@ impl HemisphereSamples {
     ///
     /// u_k points along the middle of sector k, v_k- is perpendicular to its lower boundary; with
     /// cosine density sin² θ_j- = j/M.
+    ///
+    /// What rays beside the strata found is smaller than a stratum. Moved boundaries would cut it
+    /// off at whatever is near in the next stratum; it counts as patches.
     pub(in crate::gather) fn ward_heckbert(&self) -> Gradient {
         let Layout::Polar { m, n } = self.layout else {
             panic!("the Ward-Heckbert gradient needs the polar layout")
@@ -68,7 +71,7 @@ impl HemisphereSamples {
         let (m, n) = (m as usize, n as usize);
         let b = &self.bundle;
         let sin_lower = |j: usize| b.density.angle(j as f32 / m as f32).sin();
-        let mut g = Gradient::default();
+        let mut g = self.of_patches(&b.found);
         for k in 0..n {
             let before = (k + n - 1) % n;
             let (mut across_rings, mut across_sectors) = (Color::ZERO, Color::ZERO);
@@ -76,15 +79,14 @@ impl HemisphereSamples {
                 let here = j * n + k;
                 let side = j * n + before;
                 let nearer = b.distance[here].min(b.distance[side]);
-                across_sectors += (sin_lower(j + 1) - sin_lower(j))
-                    * (b.radiance[here] - b.radiance[side])
-                    / nearer;
+                across_sectors +=
+                    (sin_lower(j + 1) - sin_lower(j)) * (b.of_ray(here) - b.of_ray(side)) / nearer;
                 if j > 0 {
                     let inner = here - n;
                     let nearer = b.distance[here].min(b.distance[inner]);
                     let sin = sin_lower(j);
                     across_rings +=
-                        sin * (1.0 - sin * sin) * (b.radiance[here] - b.radiance[inner]) / nearer;
+                        sin * (1.0 - sin * sin) * (b.of_ray(here) - b.of_ray(inner)) / nearer;
                 }
             }
             let (middle, lower) = (TAU * (k as f32 + 0.5) / n as f32, TAU * k as f32 / n as f32);
@@ -98,16 +100,21 @@ impl HemisphereSamples {
     /// fixed patch, so `∇(Ω cos θ) = Ω cos θ (n_q/(r cos ξ) + 4 w/r)` [Krivanek05, Eq. 10-11 for
     /// the cosine-weighted solid angle]. Escaped rays contribute nothing.
     pub(in crate::gather) fn per_sample(&self) -> Gradient {
+        self.of_patches(&self.bundle.radiance)
+    }
+
+    /// The same for a part of the radiance.
+    fn of_patches(&self, radiance: &[Color]) -> Gradient {
         let b = &self.bundle;
         let mut g = Gradient::default();
-        for k in 0..b.len() {
+        for (k, radiance) in radiance.iter().enumerate() {
             let r = b.distance[k];
             if r.is_finite() {
                 let w = b.dir_local[k];
                 let normal = self.frame.to_local(b.normal[k]);
                 let cos_hit = (-normal.dot(w)).max(MIN_COS_HIT);
                 let direction = (normal / cos_hit + 4.0 * w) / r;
-                g.add(direction.truncate(), b.radiance[k] * (w.z * self.solid_angle(k)));
+                g.add(direction.truncate(), *radiance * (w.z * self.solid_angle(k)));
             }
         }
         g

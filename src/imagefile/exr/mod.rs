@@ -10,6 +10,7 @@ mod write_exrs;
 #[cfg(feature = "openexr")]
 mod write_openexr;
 
+pub(super) use read::read_bytes_within;
 pub use read::{read, read_bytes};
 
 use super::picture::Picture;
@@ -17,6 +18,9 @@ use crate::error::{Error, Result};
 use crate::fsutil::write_atomically_with;
 use prepared::Prepared;
 use std::path::Path;
+
+/// The names of outputs; a name without an extension is that of an OpenEXR file, too.
+pub const EXTENSIONS: [&str; 2] = ["exr", ""];
 
 /// The programs that can write a file. Their files hold the same pixels and attributes in different
 /// bytes.

@@ -100,10 +100,11 @@ impl<'a> Prepared<'a> {
             }
         }
         let size = [width as usize, height as usize];
+        let clipped = clipped_layers(picture);
         let mut channels = picture
             .channels
             .par_iter()
-            .map(|c| Ok((c.name.as_str(), pack(c, size)?)))
+            .map(|c| Ok((c.name.as_str(), pack(c, size, clipped.contains(layer_of(&c.name)))?)))
             .collect::<Result<Vec<_>, String>>()?;
         channels.sort_by(|a, b| a.0.as_bytes().cmp(b.0.as_bytes()));
         Ok(Self {
@@ -119,15 +120,23 @@ impl<'a> Prepared<'a> {
 /// The largest finite half.
 const HALF_MAX: f32 = 65504.0;
 
-/// To the nearest half, ties to even; finite values stay finite.
-fn to_half(x: f32) -> f16 {
-    f16::from_f32(if x.is_finite() { x.clamp(-HALF_MAX, HALF_MAX) } else { x })
+/// The layer of a channel: its name up to the last dot.
+fn layer_of(name: &str) -> &str {
+    name.rsplit_once('.').map_or("", |(layer, _)| layer)
+}
+
+/// The layers that halves would clip.
+fn clipped_layers(picture: &Picture) -> HashSet<&str> {
+    let clips = |x: &f32| x.is_finite() && x.abs() > HALF_MAX;
+    let halves = picture.channels.par_iter().filter(|c| c.kind == SampleKind::Half);
+    halves.filter(|c| c.samples.iter().any(clips)).map(|c| layer_of(&c.name)).collect()
 }
 
 /// Every whole number up to this one is a `f32`.
 const EXACT_UINT: f32 = (1 << 24) as f32;
 
-fn pack(channel: &Channel, [width, height]: [usize; 2]) -> Result<Packed<'_>, String> {
+/// The samples for the file; `wide` makes halves 32-bit floats.
+fn pack(channel: &Channel, [width, height]: [usize; 2], wide: bool) -> Result<Packed<'_>, String> {
     let Channel { name, kind, samples } = channel;
     if samples.len() != width * height {
         return Err(format!(
@@ -136,7 +145,10 @@ fn pack(channel: &Channel, [width, height]: [usize; 2]) -> Result<Packed<'_>, St
         ));
     }
     Ok(match kind {
-        SampleKind::Half => Packed::Half(samples.iter().map(|&x| to_half(x)).collect()),
+        SampleKind::Half if !wide => {
+            Packed::Half(samples.iter().map(|&x| f16::from_f32(x)).collect())
+        }
+        SampleKind::Half => Packed::Float(samples),
         SampleKind::Float => Packed::Float(samples),
         SampleKind::Uint => {
             if let Some(bad) =
@@ -156,24 +168,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_are_rounded_to_nearest_even_and_stay_finite() {
+    fn halves_are_rounded_to_nearest_even_and_layers_that_they_would_clip_are_floats() {
         // 2049 lies between the halves 2048 and 2050, 2051 between 2050 and 2052: both ties go to
-        // the even mantissa.
-        for (x, half) in [
-            (2049.0, 2048.0),
-            (2051.0, 2052.0),
-            (65519.0, 65504.0),
-            (65520.0, 65504.0),
-            (1e30, 65504.0),
-            (-1e30, -65504.0),
-        ] {
-            assert_eq!(to_half(x).to_f32(), half, "{x}");
+        // the even mantissa. What is not finite clips nothing.
+        let mut picture = Picture::new([4, 1]);
+        let exact = [2049.0, 2051.0, 65504.0, -0.0];
+        picture.add("R", SampleKind::Half, exact.to_vec());
+        picture.add("G", SampleKind::Half, vec![f32::INFINITY, f32::NAN, 5.96e-8, 1.4e-8]);
+        picture.add("emission.R", SampleKind::Half, exact.to_vec());
+        picture.add("emission.G", SampleKind::Half, vec![-65504.1, 1e30, 0.0, 0.0]);
+        let prepared = Prepared::new(&picture).unwrap();
+        let of = |name: &str| &prepared.channels.iter().find(|(n, _)| *n == name).unwrap().1;
+        let Packed::Half(r) = of("R") else { panic!("R is not half") };
+        assert_eq!(
+            r.iter().map(|x| x.to_f32()).collect::<Vec<_>>(),
+            [2048.0, 2052.0, 65504.0, 0.0]
+        );
+        assert!(r[3].is_sign_negative());
+        let Packed::Half(g) = of("G") else { panic!("G is not half") };
+        assert!(g[0] == f16::INFINITY && g[1].is_nan());
+        assert_eq!([g[2], g[3]].map(f16::to_f32), [2.0_f32.powi(-24), 0.0]);
+        for (name, samples) in [("emission.R", exact), ("emission.G", [-65504.1, 1e30, 0.0, 0.0])] {
+            let Packed::Float(packed) = of(name) else { panic!("{name} is not float") };
+            assert_eq!(*packed, samples);
         }
-        assert_eq!(to_half(f32::INFINITY), f16::INFINITY);
-        assert!(to_half(f32::NAN).is_nan());
-        assert_eq!(to_half(5.96e-8).to_f32(), 2.0_f32.powi(-24));
-        assert_eq!(to_half(2.0_f32.powi(-26)).to_f32(), 0.0);
-        assert!(to_half(-0.0).is_sign_negative());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Reading, through the `exr` crate.
 
 use crate::error::{Error, Result};
+use crate::fsutil;
 use crate::imagefile::picture::{Attribute, Channel, Crop, Picture, SampleKind};
 use ::exr::image::{AnyChannels, FlatImage, FlatSamples, Layer};
 use ::exr::meta::MetaData;
@@ -32,7 +33,7 @@ const MAX_RATIO_DWA: u64 = 1 << 16;
 /// [`Error::Io`], and [`Error::Image`] naming the file and what is wrong with it: damaged, deep or
 /// subsampled data, parts of different windows, or a size that the file's length cannot hold.
 pub fn read(path: &Path) -> Result<Picture> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = fsutil::read(path)?;
     read_bytes(&bytes).map_err(|what| Error::image(path, what))
 }
 
@@ -41,9 +42,16 @@ pub fn read(path: &Path) -> Result<Picture> {
 /// # Errors
 /// What is wrong with the file, without its name.
 pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Picture, String> {
+    read_bytes_within(bytes, MAX_BYTES)
+}
+
+/// [`read_bytes`] of a file that takes at most `most` bytes of memory.
+pub(in crate::imagefile) fn read_bytes_within(
+    bytes: &[u8], most: u64,
+) -> std::result::Result<Picture, String> {
     let meta =
         MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| not_readable(&e))?;
-    check(&meta.headers, bytes.len() as u64)?;
+    check(&meta.headers, bytes.len() as u64, most)?;
     let image: FlatImage = ::exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -77,7 +85,7 @@ fn not_readable(error: &::exr::error::Error) -> String {
 }
 
 /// Refuses, before any pixel memory is asked for, what cannot be read or cannot be true.
-fn check(headers: &[Header], file_bytes: u64) -> std::result::Result<(), String> {
+fn check(headers: &[Header], file_bytes: u64, most: u64) -> std::result::Result<(), String> {
     let first = headers.first().ok_or("has no parts")?;
     let mut total = 0u64;
     for header in headers {
@@ -109,8 +117,17 @@ fn check(headers: &[Header], file_bytes: u64) -> std::result::Result<(), String>
         } else {
             MAX_RATIO
         };
-        total = total.saturating_add(bytes);
-        if bytes > file_bytes.saturating_mul(ratio) || total > MAX_BYTES {
+        // Samples become floats too.
+        let floats = 4 * header.channels.list.len() as u64;
+        let pixels = (width as u64).saturating_mul(height as u64);
+        total = total.saturating_add(bytes).saturating_add(pixels.saturating_mul(floats));
+        if total > most && bytes <= file_bytes.saturating_mul(ratio) {
+            return Err(format!(
+                "has {width} x {height} pixels of {} channels, which take more memory than {most} bytes",
+                header.channels.list.len()
+            ));
+        }
+        if bytes > file_bytes.saturating_mul(ratio) {
             return Err(format!(
                 "claims {width} x {height} pixels of {} channels, which {} bytes cannot hold",
                 header.channels.list.len(),

@@ -1,7 +1,7 @@
 //! Joining the walks: what every pair of prefixes contributes.
 
 use super::vertex::{Scattering, Vertex};
-use super::walk::hit_density;
+use super::walk::{Escape, hit_density};
 use super::weight::{Density, LightDensity, weight};
 use super::{Bidirectional, Splat, Workspace};
 use crate::accel::Ray;
@@ -40,8 +40,8 @@ impl Bidirectional<'_> {
         // What the camera sees without any scattering has one way only.
         match (work.seen.vertices.first(), work.seen.escaped) {
             (Some(first), _) => radiance.emission = self.tracer.scene.emission(&first.vertex.point),
-            (None, Some((direction, ..))) => {
-                radiance.emission = self.tracer.scene.lights().environment(direction)
+            (None, Some(escape)) => {
+                radiance.emission = self.tracer.scene.lights().environment(escape.direction)
             }
             (None, None) => {}
         }
@@ -49,18 +49,24 @@ impl Bidirectional<'_> {
         // scene.
         for t in 1..=seen + 2 {
             for s in 0..=lit + 1 {
-                let surfaces = if s == 0 { t.saturating_sub(2) } else { s + t - 2 };
+                let scattering = if s == 0 { t.saturating_sub(2) } else { s + t - 2 };
+                // Light samples pass panes, which count for no other way then.
+                let surfaces = scattering - panes(work, s, t);
                 if surfaces == 0 || surfaces > most || (s > 0 && t > seen + 1) {
                     continue;
                 }
                 let Some(link) = self.link(work, s, t) else { continue };
-                if link.ray.is_some_and(|ray| {
-                    self.tracer.scene.occluded(&ray, hash(&[seed, s as u64, t as u64]))
-                }) {
+                let (scene, seed) = (self.tracer.scene, hash(&[seed, s as u64, t as u64]));
+                let visible = match &link.ray {
+                    Some(ray) if s == 1 => scene.visibility(ray, seed),
+                    Some(ray) if scene.occluded(ray, seed) => Color::ZERO,
+                    _ => Color::ONE,
+                };
+                if visible == Color::ZERO {
                     continue;
                 }
                 let share = self.weigh(work, &link, s, t) as f32;
-                let light = link.light.scaled(Color::splat(share));
+                let light = link.light.scaled(visible * share);
                 if !light.sum().is_finite() {
                     continue;
                 }
@@ -101,7 +107,7 @@ impl Bidirectional<'_> {
     /// The camera path hits a lamp, or the environment.
     fn hit(&self, work: &Workspace, t: usize) -> Option<Link> {
         let path = &work.seen;
-        let last = &path.vertices.get(t - 3)?.vertex;
+        let last = &path.vertices.get(t - 3 - panes(work, 0, t))?.vertex;
         let (end, emitted, carried, hit, direction) = match path.vertices.get(t - 2) {
             Some(lamp) => {
                 let point = &lamp.vertex.point;
@@ -118,17 +124,15 @@ impl Bidirectional<'_> {
                     distant: false,
                     delta: false,
                 };
-                (
-                    end,
-                    self.tracer.scene.emission(point),
-                    lamp.arrived,
-                    lamp.vertex.forward,
-                    point.wo,
-                )
+                let hit = lamp.straight.map_or(lamp.vertex.forward, |straight| {
+                    hit_density(&end, straight.density, last.point.position)
+                });
+                (end, self.tracer.scene.emission(point), lamp.arrived, hit, point.wo)
             }
             None => {
-                let (direction, density, carried) =
+                let Escape { direction, density, carried, straight } =
                     path.escaped.filter(|_| t == path.vertices.len() + 2)?;
+                let density = straight.map_or(density, |straight| f64::from(straight.density));
                 let end = LightEnd {
                     source: LightSource::Environment,
                     position: Vec3::ZERO,
@@ -152,13 +156,15 @@ impl Bidirectional<'_> {
         let lights = self.tracer.scene.lights();
         let sampled = match end.source {
             LightSource::Triangle { instance, triangle, .. } => {
-                let distance = (end.position - origin.position).length();
+                let offset = end.position - origin.position;
+                let distance = offset.length();
+                let towards = if panes(work, 0, t) > 0 { offset / distance } else { -direction };
                 let pdf = lights.pdf_triangle(
                     origin.position,
                     origin.facing,
                     instance,
                     triangle,
-                    -direction,
+                    towards,
                     distance,
                 );
                 hit_density(&end, pdf, origin.position)
@@ -282,7 +288,7 @@ impl Bidirectional<'_> {
         let made =
             f64::from(view.pixels_per_area * v.point.ng.dot(view.to_camera).abs()) / self.pixels();
         let (end, before) = self.before_light(work, s, scattering.to_light);
-        let ray = self.tracer.scene.segment(&v.point, view.to_camera, view.distance, 0.0);
+        let ray = self.tracer.scene.segment(&v.point, view.to_camera, view.clear, 0.0);
         Some(Link {
             light,
             end,
@@ -356,25 +362,34 @@ impl Bidirectional<'_> {
     fn before_light(&self, work: &Workspace, s: usize, density: f32) -> (LightDensity, f64) {
         let path = &work.lit;
         let last = path.vertices[s - 2].point.position;
-        match (s, &path.end) {
-            (2, Some(end)) => {
-                (LightDensity { hit: hit_density(end, density, last), ..path.density }, 0.0)
-            }
-            _ => (path.density, path.vertices[s - 3].per_area(density, last)),
-        }
+        let panes = path.panes(s - 1);
+        let Some(end) = path.end.filter(|_| s == 2 || panes > 0) else {
+            return (path.density, path.vertices[s - 3].per_area(density, last));
+        };
+        let behind = &path.vertices[panes];
+        let (back, before) = match s.checked_sub(3).filter(|before| *before >= panes) {
+            None => (density, 0.0),
+            Some(before) => (path.back, path.vertices[before].per_area(density, last)),
+        };
+        let sampled =
+            if panes > 0 { self.sampled_density(behind, &end) } else { path.density.sampled };
+        let hit = hit_density(&end, back, behind.point.position);
+        (LightDensity { hit, sampled, ..path.density }, before)
     }
 
     /// The weight of a way.
     pub(super) fn weigh(&self, work: &mut Workspace, link: &Link, s: usize, t: usize) -> f64 {
         self.collect(work, link, s, t);
-        weight(&link.end, &work.densities, s)
+        let panes = if s > 1 { work.lit.panes(s - 1) } else { 0 };
+        weight(&link.end, &work.densities, s - panes)
     }
 
     /// Puts the densities of all vertices but the light's end into `work`, in order from there.
     pub(super) fn collect(&self, work: &mut Workspace, link: &Link, s: usize, t: usize) {
+        let skipped = panes(work, s, t);
         let Workspace { seen, lit, densities } = work;
         densities.clear();
-        for i in 1..s {
+        for i in if s > 1 { skipped + 1 } else { 1 }..s {
             let v = &lit.vertices[i - 1];
             let from_camera = match s - 1 - i {
                 0 => link.light_side[0],
@@ -382,13 +397,13 @@ impl Bidirectional<'_> {
                 _ => v.backward,
             };
             densities.push(Density {
-                from_light: v.forward,
+                from_light: if i == skipped + 1 { lit.forward(skipped) } else { v.forward },
                 from_camera,
                 open: i == s - 1 || !v.delta,
             });
         }
         // Without vertices from the light, the last camera vertex is the light's end.
-        let last = if s == 0 { t - 2 } else { t - 1 };
+        let last = if s == 0 { t - 2 - skipped } else { t - 1 };
         for j in (1..=last).rev() {
             let v = &seen.vertices[j - 1].vertex;
             let from_light = match last - j {
@@ -403,6 +418,23 @@ impl Bidirectional<'_> {
             });
         }
         densities.push(Density { from_light: 1.0, from_camera: 1.0, open: true });
+    }
+}
+
+/// The number of panes on a path next to its light which light samples pass as if they were not
+/// there.
+fn panes(work: &Workspace, s: usize, t: usize) -> usize {
+    match s {
+        0 => {
+            let path = &work.seen;
+            let straight = match path.vertices.get(t.wrapping_sub(2)) {
+                Some(lamp) => lamp.straight,
+                None => path.escaped.and_then(|escape| escape.straight),
+            };
+            straight.map_or(0, |straight| straight.panes)
+        }
+        1 => 0,
+        _ => work.lit.panes(s - 1),
     }
 }
 

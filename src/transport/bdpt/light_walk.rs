@@ -6,7 +6,7 @@ use crate::geometry::SurfacePoint;
 use crate::light::{Emission, EmissionSampler, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec3};
-use crate::sampling::{MAX_SURVIVAL, ROULETTE_AFTER, Sampler, hash};
+use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler, hash};
 use crate::transport::path::{PathTracer, Sampled};
 
 /// Who follows a walk.
@@ -20,15 +20,20 @@ pub(super) trait Follower {
     /// per area of the front where the light is distant; 1 behind a delta lobe.
     fn arrive(&mut self, vertex: Vertex, density: f32, dir: Vec3);
 
-    /// The walk left the last vertex by a delta lobe, or not; `back` is the density with which a
-    /// camera path would have sampled the way back.
-    fn leave(&mut self, delta: bool, back: f32) {
-        let _ = (delta, back);
+    /// The walk left the last vertex by a delta lobe, or not, and by one of an ideal `pane`; `back`
+    /// is the density with which a camera path would have sampled the way back.
+    fn leave(&mut self, delta: bool, pane: bool, back: f32) {
+        let _ = (delta, pane, back);
+    }
+
+    /// The walk may end.
+    fn is_done(&self) -> bool {
+        false
     }
 }
 
 /// Walk number `number` of those of `seed` from a light of `emission`, over at most `most`
-/// vertices.
+/// vertices, panes before the first other one not counted.
 pub(super) fn walk_from_light(
     tracer: &PathTracer, emission: &EmissionSampler, (seed, number): (u64, u32), most: usize,
     follower: &mut impl Follower,
@@ -52,7 +57,8 @@ pub(super) fn walk_from_light(
     let (mut beta, mut density) = (emitted * start.measure, start.ray_density);
     let (mut first, mut last): (Color, Option<Vertex>) = (Color::ONE, None);
     let alpha = hash(&[seed, u64::from(number)]);
-    for count in 0..most {
+    let mut panes = 0;
+    for count in 0..LONGEST_PATH as usize {
         let Some((raw, distance)) = scene.intersect(&ray, alpha.wrapping_add(count as u64)) else {
             return;
         };
@@ -68,7 +74,8 @@ pub(super) fn walk_from_light(
         }
         let vertex = Vertex::new(scene, raw, beta, 0.0);
         follower.arrive(vertex, density, ray.dir);
-        if count + 1 == most {
+        let at_end = count + 1 >= most + panes && !scene.is_pane(vertex.point.material);
+        if at_end || follower.is_done() {
             return;
         }
         if count >= ROULETTE_AFTER as usize {
@@ -87,6 +94,12 @@ pub(super) fn walk_from_light(
             return;
         };
         let delta = scattered.lobe == Lobe::Delta;
+        let pane = delta && scene.is_pane(vertex.point.material);
+        if pane && panes == count {
+            panes += 1;
+        } else if count + 1 >= most + panes {
+            return;
+        }
         density = if delta { 1.0 } else { scattered.pdf };
         let back = if delta {
             // Light loses nothing by the change of its solid angle, and the cosines of shading
@@ -100,7 +113,7 @@ pub(super) fn walk_from_light(
             beta *= scattering.f * (vertex.light_cosine(next.dir) / scattered.pdf);
             scattering.to_light
         };
-        follower.leave(delta, back);
+        follower.leave(delta, pane, back);
         (ray, last) = (next, Some(vertex));
     }
 }

@@ -9,6 +9,7 @@
 mod vertex;
 mod light_walk;
 mod joints;
+mod first_hits;
 mod weight;
 mod walk;
 mod connect;
@@ -19,6 +20,7 @@ use super::{CameraSample, PathTracer, Shaded};
 use crate::camera::Camera;
 use crate::light::EmissionSampler;
 use crate::math::Color;
+pub(super) use first_hits::FirstHits;
 pub(super) use joints::LightPaths;
 use walk::{CameraPath, LightPath};
 use weight::Density;

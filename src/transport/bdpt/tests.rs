@@ -91,6 +91,7 @@ fn densities_are_those_of_the_paths_and_weights_sum_to_one() {
         projection: Projection::Perspective { yfov: 0.9 },
         aspect: None,
         to_world: Affine3A::from_translation(Vec3::new(0.0, 0.0, 3.2)),
+        clip: Camera::NO_CLIP,
     };
     let size = [16, 16];
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };

@@ -8,19 +8,40 @@ use crate::light::{Emission, LightEnd, LightSource};
 use crate::material::Lobe;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, hash, stream};
+use crate::scene::same_direction;
 use crate::transport::path::{Sampled, split};
+use crate::transport::vertex::{Aim, Panes};
 use crate::transport::{CameraSample, Shaded, Surface};
 
 /// A camera path: the camera and its surface vertices.
 #[derive(Default)]
 pub(super) struct CameraPath {
     pub vertices: Vec<Seen>,
-    /// The direction in which it left the scene, with its density per steradian, and what it
-    /// carried.
-    pub escaped: Option<(Vec3, f64, Color)>,
+    /// How it left the scene.
+    pub escaped: Option<Escape>,
     /// The weights of the first scattering by the diffuse lobe and by the others, which what later
     /// vertices carry does not include.
     pub first: (Color, Color),
+}
+
+/// Where a camera path left the scene.
+#[derive(Clone, Copy)]
+pub(super) struct Escape {
+    pub direction: Vec3,
+    /// Density per steradian.
+    pub density: f64,
+    /// What the path carried.
+    pub carried: Color,
+    /// As [`Seen::straight`].
+    pub straight: Option<Straight>,
+}
+
+/// What a camera path sees straight through panes: their number, and the density per steradian with
+/// which the vertex before them sampled the direction.
+#[derive(Clone, Copy)]
+pub(super) struct Straight {
+    pub panes: usize,
+    pub density: f32,
 }
 
 /// A surface vertex of a camera path.
@@ -30,6 +51,9 @@ pub(super) struct Seen {
     pub arrived: Color,
     /// Numbers that choose a light.
     pub choice: (f32, Vec2),
+    /// Set where panes alone lie before the vertex and the one behind which light samples see it,
+    /// too.
+    pub straight: Option<Straight>,
 }
 
 /// A light path: its end on the light and its surface vertices.
@@ -39,6 +63,39 @@ pub(super) struct LightPath {
     /// Densities of the end.
     pub density: LightDensity,
     pub vertices: Vec<Vertex>,
+    /// Density and direction of its first ray.
+    first: (f32, Vec3),
+    /// First vertices that it left as ideal panes.
+    panes: usize,
+    /// The density with which a camera path would have sampled the way back at the vertex behind
+    /// them.
+    pub back: f32,
+}
+
+impl LightPath {
+    /// The number of panes between the light and the first of the first `vertices` vertices that
+    /// scatters, if that lies straight behind them: light samples there are another way to make
+    /// the path. Then panes are no vertices, as if their surface was not there.
+    pub fn panes(&self, vertices: usize) -> usize {
+        let count = self.panes.min(vertices - 1);
+        let mut panes = Panes::NONE;
+        for pair in self.vertices[..=count].windows(2) {
+            let (point, onward) = (&pair[0].point, -pair[1].point.wo);
+            let straight = same_direction(self.first.1, onward);
+            panes.add(point.frame.n, onward.dot(point.ng) < 0.0, straight);
+        }
+        let behind = -self.vertices[count].point.wo;
+        if panes.are_passed(self.first.1, behind) { count } else { 0 }
+    }
+
+    /// Density per area of the vertex behind `panes` panes.
+    pub fn forward(&self, panes: usize) -> f64 {
+        let (vertex, (density, dir)) = (&self.vertices[panes], self.first);
+        match self.end {
+            Some(end) if !end.distant => vertex.per_area(density, end.position),
+            _ => vertex.per_area_of_parallel(density, dir),
+        }
+    }
 }
 
 impl Bidirectional<'_> {
@@ -56,17 +113,24 @@ impl Bidirectional<'_> {
         let (mut sampler, seed, mut ray) =
             (sample.sampler.clone(), sample.alpha_seed(), sample.ray());
         // As the path tracer's: without the first scattering, whose weight is kept apart.
-        let (mut beta, mut carried) = (Color::ONE, Color::ONE);
+        let (mut beta, mut carried, mut spread) = (Color::ONE, Color::ONE, 1.0);
         let mut density = f32::INFINITY;
+        let mut aim: Option<Aim> = None;
         loop {
             let count = path.vertices.len();
             let Some((raw, distance)) =
                 self.tracer.scene.intersect(&ray, seed.wrapping_add(count as u64))
             else {
-                path.escaped = Some((ray.dir, f64::from(density), beta));
+                path.escaped = Some(Escape {
+                    direction: ray.dir,
+                    density: f64::from(density),
+                    carried: beta,
+                    straight: straight(aim.as_ref(), ray.dir),
+                });
                 return;
             };
             let arrived = beta;
+            let straight = straight(aim.as_ref(), ray.dir);
             if count > 0 {
                 let left = self.tracer.scene.transmittance(&raw, distance);
                 (beta, carried) = (beta * left, carried * left);
@@ -85,9 +149,12 @@ impl Bidirectional<'_> {
                 Some(last) => vertex.per_area(density, last.vertex.point.position),
             };
             let choice = (sampler.next_2d(), sampler.next_1d());
-            path.vertices.push(Seen { vertex, arrived, choice: (choice.1, choice.0) });
-            // One surface more than may scatter: it may still be a lamp.
-            if count >= self.most_surfaces() {
+            path.vertices.push(Seen { vertex, arrived, choice: (choice.1, choice.0), straight });
+            // One surface more than may scatter: it may still be a lamp, or a pane before one.
+            let ended = count >= self.most_surfaces();
+            let pane = aim.is_some_and(|aim| aim.sees_through())
+                && self.tracer.scene.is_pane(vertex.point.material);
+            if ended && !pane || count > LONGEST_PATH as usize {
                 return;
             }
             let Some((scattered, next)) =
@@ -97,20 +164,27 @@ impl Bidirectional<'_> {
             };
             let (to, single) = (next.dir, scattered.lobe == Lobe::Delta);
             density = if single { 1.0 } else { scattered.pdf };
+            let here = Aim::new(scattered.pdf, vertex.site().origin(), to);
+            let onward =
+                aim.unwrap_or(here).onward(self.tracer.scene, &vertex.site(), &scattered, &next);
+            if ended && onward.panes() == 0 {
+                return;
+            }
+            aim = Some(onward);
             if count == 0 {
                 path.first = split(&vertex.site(), &scattered);
             } else {
                 beta *= scattered.weight;
             }
             carried *= scattered.weight;
+            spread *= scattered.eta * scattered.eta;
             let back = if single { 1.0 } else { vertex.camera_density(to) };
             path.vertices[count].vertex.delta = single;
             if let [.., before, _] = &mut path.vertices[..] {
                 before.vertex.backward = before.vertex.per_area(back, vertex.point.position);
             }
             if count >= ROULETTE_AFTER as usize {
-                let survival =
-                    (carried.max_element() * scattered.eta * scattered.eta).min(MAX_SURVIVAL);
+                let survival = (carried.max_element() * spread).min(MAX_SURVIVAL);
                 if sampler.next_1d() >= survival {
                     return;
                 }
@@ -132,7 +206,7 @@ impl Bidirectional<'_> {
     /// Walks from a light.
     pub(super) fn walk_from_light(&self, sample: &CameraSample, path: &mut LightPath) {
         path.vertices.clear();
-        path.end = None;
+        (path.end, path.panes) = (None, 0);
         let seed = hash(&[sample.seed, stream::LIGHT_WALK]);
         let mut builder = Builder { bidirectional: self, path };
         walk_from_light(
@@ -163,6 +237,12 @@ impl Bidirectional<'_> {
     }
 }
 
+/// What a ray along `dir`, aimed so, sees behind panes.
+fn straight(aim: Option<&Aim>, dir: Vec3) -> Option<Straight> {
+    let aim = aim.filter(|aim| aim.panes() > 0 && aim.is_straight(dir))?;
+    Some(Straight { panes: aim.panes(), density: aim.pdf(dir) })
+}
+
 /// Keeps a walk from a light, with the densities that weights are made of.
 struct Builder<'a, 'b> {
     bidirectional: &'a Bidirectional<'b>,
@@ -172,6 +252,7 @@ struct Builder<'a, 'b> {
 impl Follower for Builder<'_, '_> {
     fn begin(&mut self, start: &Emission) {
         self.path.end = Some(start.end);
+        self.path.first = (start.ray_density, start.direction);
         self.path.density =
             LightDensity { emitted: f64::from(start.end_density), ..LightDensity::default() };
     }
@@ -193,8 +274,15 @@ impl Follower for Builder<'_, '_> {
 
     /// Sets the density with which a camera path that comes by the last vertex makes the one before
     /// it, or the light's end.
-    fn leave(&mut self, delta: bool, back: f32) {
-        let LightPath { end, density, vertices } = &mut *self.path;
+    fn leave(&mut self, delta: bool, pane: bool, back: f32) {
+        let LightPath { end, density, vertices, panes, back: behind, .. } = &mut *self.path;
+        if vertices.len() == *panes + 1 {
+            if pane {
+                *panes += 1;
+            } else {
+                *behind = back;
+            }
+        }
         match (&mut vertices[..], end) {
             ([.., before, last], _) => {
                 last.delta = delta;
