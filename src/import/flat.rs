@@ -54,7 +54,7 @@ pub(super) fn flattened(mesh: &TriangleMesh, to_world: &DAffine3) -> TriangleMes
     for n in flat.normals.iter_mut().flatten() {
         let world = of_normals * n.as_dvec3() * scale;
         // What looked along the plane says nothing of its side.
-        *n = if world.length() > SIDELESS { world } else { plane * scale }.as_vec3();
+        *n = if world.length() > FLAT { world } else { plane * scale }.as_vec3();
     }
     let sign = if mirrored { -1.0 } else { 1.0 };
     for t in flat.tangents.iter_mut().flatten() {
