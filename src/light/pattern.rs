@@ -30,11 +30,12 @@ pub struct Pattern {
 
 impl Pattern {
     /// The pattern of a triangle with these corners, in the cells of `table` and in the order of
-    /// the mesh. `None` where the triangle has no area there or does not glow.
-    pub fn new(table: Arc<SummedTable>, corners: [DVec2; 3]) -> Option<Self> {
+    /// the mesh, over which the table's integral is `integral`. `None` where the triangle has no
+    /// area there or does not glow.
+    pub fn new(table: Arc<SummedTable>, corners: [DVec2; 3], integral: f64) -> Option<Self> {
         let [a, b, c] = corners;
         let window = window_of(corners);
-        let (integral, around) = (table.integral(corners), table.sum(window));
+        let around = table.sum(window);
         let edges = DMat2::from_cols(b - a, c - a);
         let to_weights = edges.inverse();
         let scale = area(&corners) / integral;
@@ -42,11 +43,6 @@ impl Pattern {
         let share = SHARE * (1.0 - missed);
         (to_weights.is_finite() && scale.is_finite() && scale > 0.0 && share > 0.0)
             .then_some(Self { table, window, corner: a, edges, to_weights, scale, share })
-    }
-
-    /// Mean of the table over the triangle.
-    pub fn mean(&self) -> f64 {
-        self.scale.recip()
     }
 
     /// Mean density of `count` points that the table draws, as a multiple of the uniform one: 1 for

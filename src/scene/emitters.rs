@@ -4,7 +4,7 @@ use crate::geometry::{Geometry, TriangleMesh, interpolate};
 use crate::light::{Emitter, Pattern};
 use crate::material::{AlphaMode, Material};
 use crate::math::{Color, DVec2, Vec2, Vec3};
-use crate::texture::{ColorSpace, SummedTable, Texture, TextureRef, Wrap, area};
+use crate::texture::{ColorSpace, SummedTable, Texture, TextureRef, Wrap, area, integrals};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -20,6 +20,8 @@ const FEW: f64 = 4.0;
 const THIN: f64 = 1e-2;
 /// Least mean of a pattern's density over its own samples that is worth sampling by.
 const CONTRAST: f64 = 1.2;
+/// Points that a pattern draws to judge that.
+const DRAWN: u32 = 16;
 /// Points at which the alpha of a pattern is asked for.
 const ASKED: u32 = 64;
 
@@ -241,28 +243,30 @@ impl<'a> Surfaces<'a> {
         let [a, b, c] = corners;
         let lengths = [b - a, c - b, a - c].map(DVec2::length);
         let longest = lengths.into_iter().fold(0.0, f64::max);
-        let whole = |t: &SummedTable| {
-            (t.sum([[0, 0], table.size.map(|n| n as i64)]) / (size.x * size.y)) as f32
-        };
-        let color = |of: &dyn Fn(&SummedTable) -> f32| {
-            material.emission * Color::from_array(table.channels.each_ref().map(of))
-        };
-        let size = area(&corners);
-        let mut pattern = None;
         let near = corners.iter().all(|c| c.abs().max_element() < FAR);
-        let mut mean = if table.shared.is_none() || !near {
-            color(&whole)
-        } else if longest <= FEW || size < THIN * longest {
-            let side = (4.0 * longest).ceil().clamp(2.0, 128.0) as usize;
-            return (self.mean_at_points(instance, triangle, side), None);
-        } else {
-            pattern = table.shared.clone().and_then(|table| Pattern::new(table, corners));
-            color(&|t| (t.integral(corners) / size) as f32)
+        let channels = table.channels.each_ref();
+        let (mean, pattern) = match &table.shared {
+            Some(_) if near && (longest <= FEW || area(&corners) < THIN * longest) => {
+                let side = (4.0 * longest).ceil().clamp(2.0, 128.0) as usize;
+                return (self.mean_at_points(instance, triangle, side), None);
+            }
+            Some(shared) if near => {
+                let [red, green, blue] = channels;
+                let [all, sums @ ..] = integrals([shared, red, green, blue], corners);
+                let mean = sums.map(|sum| (sum / area(&corners)) as f32);
+                (mean, Pattern::new(shared.clone(), corners, all))
+            }
+            _ => {
+                let window = [[0, 0], table.size.map(|n| n as i64)];
+                (channels.map(|t| (t.sum(window) / size.element_product()) as f32), None)
+            }
         };
+        let pattern = pattern.filter(|p| p.contrast(DRAWN) >= CONTRAST);
+        let mut mean = material.emission * Color::from_array(mean);
         if apart {
             mean *= self.opacity_by(instance, triangle, pattern.as_ref());
         }
-        (mean, pattern.filter(|p| p.contrast(ASKED) >= CONTRAST))
+        (mean, pattern)
     }
 
     /// Emission times opacity at a point of the front of a triangle, and the opacity.

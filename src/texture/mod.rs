@@ -4,7 +4,7 @@ mod sample;
 mod summed;
 
 pub use sample::lookup;
-pub use summed::{SummedTable, Window, area, window_of};
+pub use summed::{SummedTable, Window, area, integrals, window_of};
 
 pub use crate::imagefile::{TextureImage, TexturePixels};
 
