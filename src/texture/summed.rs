@@ -109,8 +109,8 @@ pub fn integrals<const N: usize>(tables: [&SummedTable; N], triangle: [DVec2; 3]
     sums(FINE * sums(COARSE * around)[0])
 }
 
-/// Adds the integrals over a convex polygon in `window`. Pieces of the border that hold no more than
-/// `small` are not cut further.
+/// Adds the integrals over a convex polygon in `window`. Pieces of the border that hold no more
+/// than `small` are not cut further.
 fn pieces<const N: usize>(
     tables: [&SummedTable; N], window: Window, polygon: &Corners, small: f64, sums: &mut [f64; N],
 ) {

@@ -22,7 +22,7 @@ fn rare_light_is_not_lost_where_pixels_get_more_samples() {
         material,
         ..TriangleMesh::default()
     };
-    for mesh in [square(3.0, 0.0, 3.0, -1.0, 1), square(0.15, 1.5, 0.5, 1.0, 2)] {
+    for mesh in [square(3.0, 0.0, 3.0, -1.0, 1), square(0.3, 1.5, 0.5, 1.0, 2)] {
         let number = data.geometry.meshes.len() as u32;
         data.geometry.meshes.push(Arc::new(mesh));
         data.geometry.instances.push(Instance { mesh: number, to_world: Affine3A::IDENTITY });
@@ -36,7 +36,7 @@ fn rare_light_is_not_lost_where_pixels_get_more_samples() {
         let samples: u32 = frame.film.pixels().iter().map(|p| p.samples()).sum();
         (frame.film.mean_luminance(), samples)
     };
-    let seeds = 150;
+    let seeds = 400;
     let (mut sums, mut squares, mut refined) = ([0.0_f64; 2], [0.0_f64; 2], 0);
     for seed in 0..seeds {
         for (k, noise) in [0.0, 0.05].into_iter().enumerate() {
@@ -51,7 +51,7 @@ fn rare_light_is_not_lost_where_pixels_get_more_samples() {
     let [even, adaptive] = sums.map(|s| s / n);
     let variance = [0, 1].map(|k| (squares[k] / n - (sums[k] / n).powi(2)) / n);
     let deviation = (variance[0] + variance[1]).sqrt();
-    assert!(even > 0.0 && deviation < 0.02 * even, "{even} ± {deviation}");
+    assert!(even > 0.0 && deviation < 0.03 * even, "{even} ± {deviation}");
     // A false alarm in 15 000 runs.
     assert!((adaptive - even).abs() < 4.0 * deviation, "{adaptive} is not {even} ± {deviation}");
 }

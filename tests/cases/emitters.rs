@@ -78,8 +78,8 @@ fn plain(texture: u32) -> TextureRef {
 
 const UNIT: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
 
-/// Radiance of the middle of the floor: ρ/π times the irradiance of the lamp's points, so many along
-/// each side that whole numbers of them lie on the texels of the tests.
+/// Radiance of the middle of the floor: ρ/π times the irradiance of the lamp's points, so many
+/// along each side that whole numbers of them lie on the texels of the tests.
 fn expected(scene: &SceneData) -> Color {
     let (mesh, material) = (&scene.geometry.meshes[1], &scene.materials[1]);
     let side = 960;
