@@ -97,7 +97,8 @@ impl CameraKind {
             projection: self.projection,
             aspect: self.aspect,
             to_world: without_scale(to_world)?,
-            clip: self.clip,
+            // In the node's own units, as viewers have it whose camera is scaled along.
+            clip: self.clip.map(|plane| plane * to_world.matrix3.z_axis.length() as f32),
         })
     }
 }

@@ -44,9 +44,10 @@ fn assert_alike(data: SceneData) {
     let cached = parts(&scene, IntegratorKind::Cache, 32);
     let traced = parts(&scene, IntegratorKind::Path, 128);
     for ((name, cached), (_, traced)) in cached.iter().zip(&traced) {
-        // Both means are good to about 1 %; the cache may be biased by another.
+        // Both means are good to about 1 %, that of faint gloss to 2 %; the cache may be biased by
+        // another.
         assert!(
-            (cached / traced - 1.0).abs() < 0.04,
+            (cached / traced - 1.0).abs() < 0.05,
             "{name}: {cached} with the cache, {traced} without"
         );
     }

@@ -12,7 +12,10 @@ fn scaled(mut data: SceneData, factor: f32) -> SceneData {
     for instance in &mut data.geometry.instances {
         instance.to_world = Affine3A::from_scale(Vec3::splat(factor)) * instance.to_world;
     }
-    data.cameras.iter_mut().for_each(|c| c.to_world.translation *= factor);
+    for camera in &mut data.cameras {
+        camera.to_world.translation *= factor;
+        camera.clip = camera.clip.map(|plane| plane * factor);
+    }
     data
 }
 
