@@ -99,10 +99,10 @@ fn room(spots: &[[f32; 2]], glowing: bool) -> SceneData {
     file.load()
 }
 
-/// The light that gathers find is right within 2 %: seen with records so close together that what
+/// The light that gathers find is right within 3 %: seen with records so close together that what
 /// is between them matters little. The default has no blotches either.
 fn assert_without_blotches(name: &str, lit: &Scene, truth: &Picture) {
-    for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.02, 0.01)] {
+    for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.03, 0.01)] {
         let settings = cached(lit, "auto", SIZE, 16);
         let scheme = with(settings.scheme.clone(), |s| s.validity.error = error);
         let got = difference(&beauty(&render(lit, &Settings { scheme, ..settings })), truth);
