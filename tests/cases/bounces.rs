@@ -99,16 +99,24 @@ fn room(spots: &[[f32; 2]], glowing: bool) -> SceneData {
     file.load()
 }
 
-/// The light that gathers find is right within 3 %: seen with records so close together that what
-/// is between them matters little. The default has no blotches either.
+/// Fills whose pictures are compared: at this size the mean of one is off by 1 to 2 % either way.
+const SEEDS: u64 = 4;
+
+/// The light that gathers find is right within 2 % in the mean over fills: seen with records so
+/// close together that what is between them matters little. Those of the default lie farther apart,
+/// and curved light comes out brighter between them. No picture has blotches.
 fn assert_without_blotches(name: &str, lit: &Scene, truth: &Picture) {
-    for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.03, 0.01)] {
-        let settings = cached(lit, "auto", SIZE, 16);
-        let scheme = with(settings.scheme.clone(), |s| s.validity.error = error);
-        let got = difference(&beauty(&render(lit, &Settings { scheme, ..settings })), truth);
-        let ratio = got.mean_ratio.unwrap();
+    for (error, share, relmse) in [(0.4, 0.06, 0.02), (0.1, 0.02, 0.01)] {
+        let mut sum = 0.0;
+        for seed in 0..SEEDS {
+            let mut settings = Settings { seed, ..cached(lit, "auto", SIZE, 16) };
+            settings.scheme.validity.error = error;
+            let got = difference(&beauty(&render(lit, &settings)), truth);
+            assert!(got.relmse < relmse, "{name}, error {error}: relMSE {}", got.relmse);
+            sum += got.mean_ratio.unwrap();
+        }
+        let ratio = sum / SEEDS as f64;
         assert!((ratio - 1.0).abs() < share, "{name}, error {error}: mean {ratio}");
-        assert!(got.relmse < relmse, "{name}, error {error}: relMSE {}", got.relmse);
     }
 }
 
