@@ -4,7 +4,7 @@ mod buffer;
 mod surface;
 
 pub use buffer::Buffer;
-pub use surface::{MAP_ROUNDING, SurfacePoint, interpolate, rounding_error};
+pub use surface::{MAP_ROUNDING, SurfacePoint, interpolate};
 
 use crate::math::{Affine3A, Vec2, Vec3, Vec4};
 use std::sync::Arc;

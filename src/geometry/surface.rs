@@ -162,7 +162,7 @@ pub fn interpolate(
 /// follow each other [Pharr23, Sec. 6.8]. Planes along the axes are so only as inexact as their
 /// own coordinate, however far they reach.
 #[inline]
-pub fn rounding_error(to_world: &Affine3A, corners: [Vec3; 3], ng: Vec3) -> f32 {
+fn rounding_error(to_world: &Affine3A, corners: [Vec3; 3], ng: Vec3) -> f32 {
     const STEPS: f32 = 24.0 * UNIT_ROUNDOFF;
     let [a, b, c] = corners.map(Vec3::abs);
     let p = a.max(b).max(c);

@@ -232,9 +232,8 @@ impl<'p, 'a> Assembly<'p, 'a> {
             });
         }
         self.texture_space(primitive, &mut mesh);
-        let mut bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
         let (number, mut mesh) = (self.scene.geometry.meshes.len() as u32, Arc::new(mesh));
-        let moved = center(&mut mesh, &mut bounds);
+        let (moved, bounds) = center(&mut mesh);
         self.scene.geometry.meshes.push(mesh);
         Ok(Some(Placed { mesh: number, bounds, moved }))
     }

@@ -1,7 +1,7 @@
 //! Emission that varies over a triangle.
 
 use crate::math::{DMat2, DVec2, Vec2};
-use crate::sampling::{hash, unit_f32};
+use crate::sampling::{hash, lattice_point, unit_f32};
 use crate::texture::{SummedTable, Window, area, window_of};
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ impl Pattern {
     /// Mean density of `count` points that the table draws, as a multiple of the uniform one: 1 for
     /// even emission, and the more the less of the triangle glows.
     pub fn contrast(&self, count: u32) -> f64 {
-        let points = (0..count).filter_map(|k| self.inside(point(k, count)));
+        let points = (0..count).filter_map(|k| self.inside(lattice_point(k, count)));
         let (sum, drawn) = points.fold((0.0, 0_u32), |(sum, n), weights| {
             (sum + f64::from(self.density(weights)), n + 1)
         });
@@ -99,11 +99,6 @@ impl Pattern {
         let share = self.share();
         share * self.density(weights) + (1.0 - share)
     }
-}
-
-/// Point `k` of `count` that cover the unit square evenly: Fibonacci's lattice.
-fn point(k: u32, count: u32) -> Vec2 {
-    Vec2::new((k as f32 + 0.5) / count as f32, (k as f32 * 0.618_034).fract())
 }
 
 /// Other numbers in [0, 1)².

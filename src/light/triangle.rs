@@ -7,6 +7,7 @@ use super::simd::{LANES, Vec3x4, sin_cos};
 use super::source::{Emitter, weight};
 use crate::geometry::{Geometry, MAP_ROUNDING};
 use crate::math::{Color, Vec2, Vec3, Vec4};
+use crate::sampling::square_to_triangle;
 
 /// Below this solid angle (steradians) single precision blurs the spherical triangle, and uniform
 /// sampling of the area is as good.
@@ -145,10 +146,9 @@ impl TriangleLight {
     /// A point uniform over the area for `u` in [0, 1)²: the weights of the mesh's second and third
     /// vertex, and its position.
     pub(super) fn point(&self, u: Vec2) -> ([f32; 2], Vec3) {
-        let root = u.x.sqrt();
-        let (beta, gamma) = (root * (1.0 - u.y), root * u.y);
-        let position = self.corner + self.edges[0] * beta + self.edges[1] * gamma;
-        (if self.mirrored { [gamma, beta] } else { [beta, gamma] }, position)
+        let [beta, gamma] = square_to_triangle(u);
+        let weights = if self.mirrored { [gamma, beta] } else { [beta, gamma] };
+        (weights, self.position(weights))
     }
 
     /// Radiant intensity along the normal, as sampling weighs colours.

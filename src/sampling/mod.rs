@@ -7,8 +7,8 @@ mod warp;
 
 pub use sampler::Sampler;
 pub use warp::{
-    cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square, sample_linear,
-    square_to_cosine_hemisphere, square_to_disk,
+    cosine_hemisphere_pdf, cosine_hemisphere_to_square, disk_to_square, lattice_point,
+    sample_linear, square_to_cosine_hemisphere, square_to_disk, square_to_triangle,
 };
 
 /// Paths of fewer surface interactions are never ended by Russian roulette.

@@ -1,4 +1,4 @@
-//! Warps from the unit square, in threes: the warp, its density, its inverse.
+//! Points of the unit square and warps from it, where needed with their density and inverse.
 
 use crate::math::{INV_PI, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -61,4 +61,16 @@ pub fn cosine_hemisphere_to_square(w: Vec3) -> Vec2 {
 pub fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let x = u * (a + b) / (a + (a * a + u * (b * b - a * a)).max(0.0).sqrt());
     if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.5 }
+}
+
+/// The unit square to a triangle, uniformly: the weights of its second and third corner.
+#[inline]
+pub fn square_to_triangle(u: Vec2) -> [f32; 2] {
+    let root = u.x.sqrt();
+    [root * (1.0 - u.y), root * u.y]
+}
+
+/// Point `k` of `count` that cover the unit square evenly: Fibonacci's lattice.
+pub fn lattice_point(k: u32, count: u32) -> Vec2 {
+    Vec2::new((k as f32 + 0.5) / count as f32, (k as f32 * 0.618_034).fract())
 }

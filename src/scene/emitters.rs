@@ -4,6 +4,7 @@ use crate::geometry::{Geometry, TriangleMesh, interpolate};
 use crate::light::{Emitter, Pattern};
 use crate::material::{AlphaMode, Material};
 use crate::math::{Color, DVec2, Vec2, Vec3};
+use crate::sampling::{lattice_point, square_to_triangle};
 use crate::texture::{ColorSpace, SummedTable, Texture, TextureRef, Wrap, area, integrals};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -305,12 +306,9 @@ impl<'a> Surfaces<'a> {
         }
         let mut sum = 0.0;
         for k in 0..ASKED {
-            let u = Vec2::new((k as f32 + 0.5) / ASKED as f32, (k as f32 * 0.618_034).fract());
+            let u = lattice_point(k, ASKED);
             let drawn = pattern.and_then(|p| p.inside(u));
-            let weights = drawn.unwrap_or_else(|| {
-                let root = u.x.sqrt();
-                [root * (1.0 - u.y), root * u.y]
-            });
+            let weights = drawn.unwrap_or_else(|| square_to_triangle(u));
             sum += self.at(instance, triangle, weights).1;
         }
         sum.max(0.5) / ASKED as f32

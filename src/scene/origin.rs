@@ -64,27 +64,23 @@ pub fn middle(parts: &[Part]) -> DVec3 {
 }
 
 /// Moves the vertices of a mesh around the origin of its own coordinates where they lie far from
-/// it, and returns by how much: instances must be placed that much farther. `bounds` are the
-/// mesh's, and move along.
-pub fn center(mesh: &mut Arc<TriangleMesh>, bounds: &mut Aabb) -> DVec3 {
+/// it. Returns by how much, which instances must be placed that much farther, and the mesh's bounds
+/// from then on.
+pub fn center(mesh: &mut Arc<TriangleMesh>) -> (DVec3, Aabb) {
+    let bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
     let middle = bounds.center();
     if bounds.is_empty() || middle.abs().max_element() <= FAR_MESH * bounds.diagonal() {
-        return DVec3::ZERO;
+        return (DVec3::ZERO, bounds);
     }
     let positions = Arc::make_mut(mesh).positions.to_mut();
     positions.iter_mut().for_each(|p| *p -= middle);
-    *bounds = Aabb { min: bounds.min - middle, max: bounds.max - middle };
-    middle.as_dvec3()
+    (middle.as_dvec3(), Aabb { min: bounds.min - middle, max: bounds.max - middle })
 }
 
 impl SceneData {
     /// Moves meshes and instances that lie far from the origin of their coordinates to their own
     /// middle, and the lights along. For scenes without cameras.
     pub fn recenter(&mut self) {
-        let center = |mesh: &mut Arc<TriangleMesh>| {
-            let mut bounds = mesh.positions.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
-            (center(mesh, &mut bounds), bounds)
-        };
         let (moved, bounds): (Vec<DVec3>, Vec<Aabb>) =
             self.geometry.meshes.iter_mut().map(center).unzip();
         let Geometry { meshes, instances } = &mut self.geometry;

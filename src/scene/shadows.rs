@@ -85,27 +85,25 @@ impl Scene {
     /// seen from a point a little off; its distance is corrected, its direction and the cosine at
     /// the receiver are not.
     pub fn visibility(&self, ray: &Ray, seed: u64) -> Color {
-        if !self.occluded(ray, seed) {
-            Color::ONE
-        } else if self.has_panes() {
-            self.through_panes(ray, seed).unwrap_or(Color::ZERO)
-        } else {
-            Color::ZERO
-        }
+        self.share(ray, self.occluded(ray, seed), || seed)
     }
 
     /// [`Scene::visibility`] of many rays, whose own numbers decide as in [`Scene::occluded_many`].
     pub fn visibility_many(&self, rays: &[Ray]) -> Vec<Color> {
         let mut blocked = vec![false; rays.len()];
         self.occluded_many(rays, &mut blocked);
-        let share = |(ray, blocked): (&Ray, bool)| match blocked {
-            false => Color::ONE,
-            true if self.has_panes() => {
-                self.through_panes(ray, Self::seed_of(ray)).unwrap_or(Color::ZERO)
-            }
-            true => Color::ZERO,
-        };
+        let share = |(ray, blocked)| self.share(ray, blocked, || Self::seed_of(ray));
         rays.iter().zip(blocked).map(share).collect()
+    }
+
+    /// [`Scene::visibility`] of a ray of which it is known whether it is `blocked`.
+    #[inline]
+    fn share(&self, ray: &Ray, blocked: bool, seed: impl FnOnce() -> u64) -> Color {
+        match blocked {
+            false => Color::ONE,
+            true if self.has_panes() => self.through_panes(ray, seed()).unwrap_or(Color::ZERO),
+            true => Color::ZERO,
+        }
     }
 
     /// Transmittance of a ray that meets something.

@@ -211,17 +211,25 @@ impl Scene {
 
     /// True if the light that an instance sends may vary over its triangles.
     #[inline]
-    pub fn emission_varies(&self, instance: u32) -> bool {
+    fn emission_varies(&self, instance: u32) -> bool {
         let mesh = self.geometry.instances[instance as usize].mesh;
         let material = &self.materials[self.geometry.meshes[mesh as usize].material as usize];
         material.emission_texture.is_some() || !material.is_opaque()
     }
 
-    /// Mean radiance sent at barycentric coordinates of a triangle against the direction `dir`,
-    /// along which it is looked at: what alpha does not stop does not shine.
-    pub fn sent_at(&self, instance: u32, triangle: u32, u: f32, v: f32, dir: Vec3) -> Color {
-        let at = interpolate(&self.geometry, instance, triangle, u, v, dir);
-        self.emission(&at) * self.material(&at).opacity(&self.textures, &at)
+    /// Radiance that `source` sends against the direction `dir`, along which it is looked at, where
+    /// `mean` is that of the whole light: what alpha does not stop does not shine.
+    #[inline]
+    pub fn sent(&self, source: LightSource, mean: Color, dir: Vec3) -> Color {
+        match source {
+            LightSource::Triangle { instance, triangle, u, v }
+                if self.emission_varies(instance) =>
+            {
+                let at = interpolate(&self.geometry, instance, triangle, u, v, dir);
+                self.emission(&at) * self.material(&at).opacity(&self.textures, &at)
+            }
+            _ => mean,
+        }
     }
 
     /// The BSDF at `at`; the shading frame is set to that of the normal map.

@@ -70,8 +70,8 @@ impl<'a> LightPoints<'a> {
                             _ => Some(Place::Punctual { index, weight }),
                         }
                     }
-                    LightSource::Triangle { instance, triangle, u, v } => {
-                        on_triangle(scene, from, &sample, [instance, triangle], [u, v], samples)
+                    LightSource::Triangle { instance, triangle, .. } => {
+                        on_triangle(scene, from, &sample, [instance, triangle], samples)
                     }
                 };
                 places.extend(place);
@@ -96,16 +96,12 @@ impl<'a> LightPoints<'a> {
 /// The place of a light sample on an emissive triangle.
 fn on_triangle(
     scene: &Scene, from: &SurfacePoint, sample: &LightSample, [instance, triangle]: [u32; 2],
-    [u, v]: [f32; 2], samples: f32,
+    samples: f32,
 ) -> Option<Place> {
     let [a, b, c] = scene.geometry().triangle(instance, triangle);
     let normal = (b - a).cross(c - a).try_normalize()?;
     let normal = if normal.dot(sample.wi) > 0.0 { -normal } else { normal };
-    let radiance = if scene.emission_varies(instance) {
-        scene.sent_at(instance, triangle, u, v, sample.wi)
-    } else {
-        sample.radiance
-    };
+    let radiance = scene.sent(sample.source, sample.radiance, sample.wi);
     let (squared, cosine) = (sample.distance * sample.distance, -normal.dot(sample.wi));
     if !(cosine > 0.0 && squared > 0.0) {
         return None;

@@ -428,12 +428,7 @@ pub(super) fn reflected(
     if diffuse + glossy == Color::ZERO {
         return None;
     }
-    let mut radiance = light.radiance;
-    if let LightSource::Triangle { instance, triangle, u, v } = light.source
-        && scene.emission_varies(instance)
-    {
-        radiance = scene.sent_at(instance, triangle, u, v, light.wi);
-    }
+    let radiance = scene.sent(light.source, light.radiance, light.wi);
     let weight = |pdf: f32| if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
     let (for_diffuse, for_glossy) = match sampled {
         Sampled::Everything => {

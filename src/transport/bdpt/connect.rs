@@ -215,14 +215,7 @@ impl Bidirectional<'_> {
             return None;
         }
         let scattering = v.of_camera_path(light.wi);
-        let radiance = match light.source {
-            LightSource::Triangle { instance, triangle, u, v }
-                if self.tracer.scene.emission_varies(instance) =>
-            {
-                self.tracer.scene.sent_at(instance, triangle, u, v, light.wi)
-            }
-            _ => light.radiance,
-        };
+        let radiance = self.tracer.scene.sent(light.source, light.radiance, light.wi);
         let brought = radiance * (v.point.frame.n.dot(light.wi).abs() / light.pdf);
         let light_parts = self.parts(work, t, &scattering, brought)?;
         let end = self.end_of(&light, v);

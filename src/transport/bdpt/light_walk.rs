@@ -3,7 +3,7 @@
 use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::geometry::SurfacePoint;
-use crate::light::{Emission, EmissionSampler, LightSource};
+use crate::light::{Emission, EmissionSampler};
 use crate::material::Lobe;
 use crate::math::{Color, Vec3};
 use crate::sampling::{LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Sampler, hash};
@@ -42,12 +42,7 @@ pub(super) fn walk_from_light(
     let mut sampler = Sampler::new(seed, number);
     let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
     let Some(start) = emission.sample(select, place, turn) else { return };
-    let emitted = match start.end.source {
-        LightSource::Triangle { instance, triangle, u, v } if scene.emission_varies(instance) => {
-            scene.sent_at(instance, triangle, u, v, -start.direction)
-        }
-        _ => start.emitted,
-    };
+    let emitted = scene.sent(start.end.source, start.emitted, -start.direction);
     follower.begin(&start);
     let origin = match start.end.normal {
         Vec3::ZERO => start.origin,
