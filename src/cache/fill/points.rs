@@ -54,13 +54,13 @@ pub fn scattered(points: &[SurfacePoint], seed: u64) -> Vec<SurfacePoint> {
 }
 
 /// The extent of what `n` points show, point i being `at(i)`: the middle distance between two of
-/// them times 2.25, which for a closed room is about its diagonal. The median over pairs of points
+/// them times 2.125, which for a closed room is about its diagonal. The median over pairs of points
 /// does not notice what few of them lie on, be it a ground plane of a hundred kilometres, and
 /// neither a motion of the scene nor its unit of length changes what is a share of it. `None` where
 /// the points coincide.
 pub fn extent(n: usize, at: impl Fn(usize) -> Vec3) -> Option<f32> {
     const PAIRS: usize = 4096;
-    const WIDENING: f32 = 2.25;
+    const WIDENING: f32 = 2.125;
     let count = n.min(PAIRS);
     let pair = |k: usize| {
         let other = hash(&[k as u64, stream::ORDER]) % n as u64;

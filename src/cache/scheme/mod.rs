@@ -64,7 +64,7 @@ group! {
         pub min_pixels: f32 = within(0.0, INFINITY),
         /// Largest radius of validity in pixels, 0 for none.
         pub max_pixels: f32 = within(0.0, INFINITY),
-        /// Largest radius of validity as a share of the extent of what is lit: 2.25
+        /// Largest radius of validity as a share of the extent of what is lit: 2.125
         /// times the middle distance between two of its points.
         pub max_radius: f32 = above(0.0, 1.0),
     }
