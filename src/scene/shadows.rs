@@ -101,7 +101,7 @@ impl Scene {
     fn share(&self, ray: &Ray, blocked: bool, seed: impl FnOnce() -> u64) -> Color {
         match blocked {
             false => Color::ONE,
-            true if self.has_panes() => self.through_panes(ray, seed()).unwrap_or(Color::ZERO),
+            true if self.meets_pane(ray) => self.through_panes(ray, seed()).unwrap_or(Color::ZERO),
             true => Color::ZERO,
         }
     }

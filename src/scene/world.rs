@@ -5,7 +5,7 @@ use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Geometry, MAP_ROUNDING, SurfacePoint, interpolate};
+use crate::geometry::{Aabb, Geometry, Instance, MAP_ROUNDING, SurfacePoint, interpolate};
 use crate::light::{EnvironmentMap, LightSample, LightSource, Lights};
 use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
@@ -32,7 +32,8 @@ pub struct Scene {
     any_see_through: bool,
     /// For each material: it may pass light as an ideal pane.
     panes: Vec<bool>,
-    any_pane: bool,
+    /// What rays meet of such materials; `None` if there are none.
+    pane_accel: Option<Accel>,
     tables: TableStore,
 }
 
@@ -86,7 +87,14 @@ impl Scene {
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
         let panes: Vec<bool> = materials.iter().map(Material::may_be_pane).collect();
-        let any_pane = panes.contains(&true);
+        let is_pane = |i: &&Instance| panes[geometry.meshes[i.mesh as usize].material as usize];
+        let standing: Vec<Instance> = geometry.instances.iter().filter(is_pane).cloned().collect();
+        let pane_accel = if standing.is_empty() {
+            None
+        } else {
+            let alone = Geometry { meshes: geometry.meshes.clone(), instances: standing };
+            Some(Accel::build(&alone, backend)?)
+        };
         let scene = Self {
             origin,
             geometry,
@@ -101,7 +109,7 @@ impl Scene {
             see_through,
             any_see_through,
             panes,
-            any_pane,
+            pane_accel,
             tables: TableStore::default(),
         };
         Ok((scene, warnings))
@@ -200,7 +208,14 @@ impl Scene {
     /// True if any material may pass light as an ideal pane.
     #[inline]
     pub fn has_panes(&self) -> bool {
-        self.any_pane
+        self.pane_accel.is_some()
+    }
+
+    /// True if a ray meets anything that may pass light as an ideal pane, even behind something
+    /// else.
+    #[inline]
+    pub(super) fn meets_pane(&self, ray: &Ray) -> bool {
+        self.pane_accel.as_ref().is_some_and(|accel| accel.occluded(ray))
     }
 
     /// Radiance emitted at `at` towards `at.wo`.

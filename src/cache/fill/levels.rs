@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Footprint of points that the camera does not see, as a share of the extent.
-const DEEPER_FOOTPRINT: f32 = 0.004;
+const DEEPER_FOOTPRINT: f32 = 0.010;
 
 /// The direction to the viewer from a position.
 pub type Towards<'a> = dyn Fn(Vec3) -> Vec3 + Sync + 'a;
