@@ -64,6 +64,9 @@ pub(super) struct Step {
     pub next: Option<(BsdfSample, Ray)>,
     /// What was sampled.
     pub sampled: Sampled,
+    /// The ray may go to a small bright surface. Its weight is small then, but not what it brings;
+    /// whether it is followed has been decided.
+    pub guided: bool,
 }
 
 /// Light leaving a surface, by the diffuse lobe and by the others.
@@ -176,9 +179,9 @@ impl PathTracer<'_> {
             let vertex = Vertex { point, bsdf };
             bounces += 1;
 
-            let next = if ended {
-                self.scatter(&vertex, sampler, Sampled::Everything)
-                    .filter(|(sample, _)| sample.lobe == Lobe::Delta)
+            let (next, guided) = if ended {
+                let next = self.scatter(&vertex, sampler, Sampled::Everything);
+                (next.filter(|(sample, _)| sample.lobe == Lobe::Delta), false)
             } else {
                 let step = self.step(&vertex, sampler, bounces, indirect);
                 light.indirect += beta * step.cached.sum();
@@ -186,12 +189,12 @@ impl PathTracer<'_> {
                     let visible = self.scene.visibility(&shadow, shadow_seed(seed, bounces));
                     light.indirect += beta * lit.behind(visible).sum();
                 }
-                step.next
+                (step.next, step.guided)
             };
             let Some((sample, next)) = next else { return light };
             beta *= sample.weight;
             spread *= sample.eta * sample.eta;
-            if bounces >= ROULETTE_AFTER {
+            if bounces >= ROULETTE_AFTER && !guided {
                 let survival = (beta.max_element() * spread).min(MAX_SURVIVAL);
                 if sampler.next_1d() >= survival {
                     return light;
@@ -257,7 +260,8 @@ impl PathTracer<'_> {
             .filter(|_| sampled == Sampled::Everything && v.bsdf.has_diffuse())
             .and_then(|i| i.bright?.seen_from(v.point.position, v.origin().facing));
         if let Some(cones) = guide {
-            return Step { cached, light, next: self.scatter_guided(v, sampler, &cones), sampled };
+            let next = self.scatter_guided(v, sampler, &cones);
+            return Step { cached, light, next, sampled, guided: true };
         }
         let mut next = self.scatter(v, sampler, sampled);
         // Where a cache was asked, the path is one of very many that are averaged, and the rest of
@@ -274,7 +278,7 @@ impl PathTracer<'_> {
                 next = None;
             }
         }
-        Step { cached, light, next, sampled }
+        Step { cached, light, next, sampled, guided: false }
     }
 
     /// Next-event estimation at a vertex: a shadow ray, and what is reflected if nothing blocks it.
@@ -351,7 +355,7 @@ impl PathTracer<'_> {
     ) -> Option<(BsdfSample, Ray)> {
         let (choice, u) = (2.0 * sampler.next_1d(), sampler.next_2d());
         let wo = v.point.frame.to_local(v.point.wo);
-        let albedo = v.bsdf.albedo(wo).max_element().min(1.0);
+        let albedo = v.bsdf.albedo(wo).max_element().min(MAX_SURVIVAL);
         if sampler.next_1d() >= albedo {
             return None;
         }

@@ -1,7 +1,7 @@
 //! Irradiance at a record, and how it is estimated and extrapolated.
 
 use super::axes::{self, Axes, DirectSamples};
-use crate::cache::record::{Fences, RadiusRule, Record, metric};
+use crate::cache::record::{Area, Fences, RadiusRule, Record, metric};
 use crate::cache::scheme::{Extrapolation, Scheme};
 use crate::gather::{HemisphereSamples, Hessian};
 use crate::geometry::SurfacePoint;
@@ -51,6 +51,35 @@ pub struct Irradiance {
     pub axes: Option<Arc<Axes>>,
 }
 
+/// Where light of small bright surfaces bends irradiance, a record reaches no farther than to where
+/// that, left out, is this share of its irradiance.
+const BEND: f32 = 0.07;
+
+/// Bounds the lengths by what the light of small bright surfaces, which distances to the
+/// surroundings know nothing of, bends irradiance: by `½ |uᵀHu| R² = BEND E`.
+fn bounded_by_found(
+    shape: Area, scheme: &Scheme, rule: &RadiusRule, at: &SurfacePoint,
+    samples: &HemisphereSamples, irradiance: f32,
+) -> Area {
+    let h = samples.found_hessian();
+    if h == Hessian::default() || irradiance <= 0.0 {
+        return shape;
+    }
+    let [ss, st, tt] = [h.ss, h.st, h.tt].map(luminance);
+    let (middle, half) = (0.5 * (ss + tt), (0.5 * (ss - tt)).hypot(st));
+    let reach = rule.scale() * scheme.validity.smoothing;
+    shape.bounded(at.frame.n, |axis| {
+        let bend = match axis {
+            Some(u) => {
+                let u = Vec2::new(u.dot(at.frame.s), u.dot(at.frame.t));
+                luminance(h.apply(u, u)).abs()
+            }
+            None => middle.abs() + half,
+        };
+        (2.0 * BEND * irradiance / bend).sqrt() / reach
+    })
+}
+
 impl Irradiance {
     /// The record of the gather `samples` at `at`, valid as far as `rule` says. The record holds
     /// direct light, too, if `direct` says what there is.
@@ -87,6 +116,7 @@ impl Irradiance {
                 if value > 0.0 && slope > 0.0 { value / (slope * scale) } else { f32::INFINITY }
             });
         }
+        shape = bounded_by_found(shape, scheme, rule, at, samples, luminance(irradiance));
         let mut axes = None;
         if scheme.extrapolation.has_axes() {
             let (fitted, fitting) = axes::fit(scheme, rule, at, samples, irradiance, shape, direct);

@@ -60,9 +60,20 @@ impl HemisphereSamples {
     /// in the tangent plane. Any layout and density; blind to occlusion; escaped rays contribute
     /// nothing.
     pub fn unoccluded_hessian(&self) -> Hessian {
+        self.hessian_of(&self.bundle.radiance)
+    }
+
+    /// The part of [`HemisphereSamples::unoccluded_hessian`] that comes from small bright surfaces;
+    /// 0 unless rays were sent towards some.
+    pub fn found_hessian(&self) -> Hessian {
+        self.hessian_of(&self.bundle.found)
+    }
+
+    /// [`HemisphereSamples::unoccluded_hessian`] if the first rays bring `radiance`, others none.
+    fn hessian_of(&self, radiance: &[Color]) -> Hessian {
         let b = &self.bundle;
         let mut h = Hessian::default();
-        for k in 0..b.len() {
+        for (k, &light) in radiance.iter().enumerate() {
             let r = b.distance[k];
             if r.is_finite() && r > 0.0 {
                 let w = b.dir_local[k];
@@ -73,7 +84,7 @@ impl HemisphereSamples {
                     24.0 * w.x * w.y + m.x * w.y + m.y * w.x,
                     24.0 * w.y * w.y - 4.0 + 2.0 * m.y * w.y,
                 ];
-                h.add(terms, b.radiance[k] * (w.z * self.solid_angle(k) / (r * r)));
+                h.add(terms, light * (w.z * self.solid_angle(k) / (r * r)));
             }
         }
         h
