@@ -268,6 +268,35 @@ fn a_picture_larger_than_memory_is_an_error() {
     assert!(error.lines().count() == 1 && desk.files().is_empty(), "{error}");
 }
 
+#[test]
+fn more_records_than_memory_holds_are_an_error() {
+    let desk = Desk::new();
+    // Records that keep the hits of all their rays.
+    let run = |kilobytes: u64, rays: u32| {
+        let command = format!(
+            "ulimit -v {kilobytes}; exec \"$0\" render {} --size 64x48 --threads 1 --quiet \
+             --preset krivanek05 --set glossy.bands=all --set glossy.hits=stored --set levels=1 \
+             --set gather.noise=0 --set radius.max_radius=0.01 --set radius.min_pixels=0.5 \
+             --max-bounces 1 --rays {rays} --prepass-only --cache-save a.lumi",
+            scene("metal-hall")
+        );
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &command, env!("CARGO_BIN_EXE_lumicache")]);
+        let output = shell.current_dir(desk.path(".")).stdin(Stdio::null()).output().unwrap();
+        (output.status.code(), text(&output.stderr))
+    };
+    // The least memory in which the program starts and keeps few rays.
+    let mut starts = (8..100).map(|k| 25_000 * k);
+    let least = starts.find(|limit| run(*limit, 16).0 == Some(0)).unwrap();
+    fs::remove_file(desk.path("a.lumi")).unwrap();
+    for more in [0, 100_000] {
+        let (code, error) = run(least + more, 4096);
+        assert_eq!(code, Some(1), "{least} + {more} kB: {error}");
+        assert!(error.contains("records of level 0: there is no memory"), "{error}");
+        assert!(error.lines().count() == 1 && desk.files().is_empty(), "{error}");
+    }
+}
+
 /// A number from 0 to 1 that looks random.
 fn noise(seed: u32) -> f64 {
     let mut x = seed.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
