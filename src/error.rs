@@ -91,6 +91,21 @@ impl Display for Error {
     }
 }
 
+/// Fails unless there is memory for `bytes` bytes more, which `what` is about to need. Nothing
+/// stays taken. Ask before many allocations that cannot fail without ending the process.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn check_room(what: impl Display, bytes: u64) -> Result<()> {
+    let room = |bytes| {
+        let mut buffer = Vec::<u8>::new();
+        // The compiler must not conclude that nobody needs the buffer.
+        std::hint::black_box(&mut buffer).try_reserve_exact(bytes).is_ok()
+    };
+    let fits = usize::try_from(bytes).is_ok_and(room);
+    if fits { Ok(()) } else { Err(Error::memory(what, bytes)) }
+}
+
 /// `text` as it may reach a terminal or a log: one line, whose control characters are escaped, and
 /// so are those that turn the direction of the text around them.
 pub fn one_line(text: &str) -> String {

@@ -86,6 +86,7 @@ mod cases {
     mod adaptive_sampling; // pixels whose first samples found nothing
     mod bounces; // small bright spots light a room
     mod emitters; // textured lamps, lamps cut by alpha, narrow spots
+    mod environments; // maps as other programs write them
     mod glass; // lights behind panes
     pub mod lenient; // files that other programs read
     mod places; // far from the origin, tiny, huge, in the middle of a desert

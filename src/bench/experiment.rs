@@ -11,7 +11,7 @@ use super::search::{Attempt, Stage, TOLERANCE};
 use crate::cache::{Contents, Preset, Scheme};
 use crate::compare::{self, compare};
 use crate::error::{Error, Result};
-use crate::fsutil::write_atomically;
+use crate::fsutil::{check_distinct, write_atomically};
 use crate::gather::{Density, HemisphereSamples, Layout, NoDeeper};
 use crate::imagefile::{Attribute, Picture, SampleKind, exr, ldr};
 use crate::math::{Color, luminance};
@@ -31,9 +31,10 @@ const BOUNDS: [(&str, &str); 3] =
 /// records depends little on them.
 const ROUGH: u32 = 8;
 const ROUGH_RAYS: u32 = 256;
-/// What [`run`] writes beside pictures.
-pub const FILES: [&str; 5] =
-    ["reference.exr", "reference.png", "report.json", "report.csv", "index.html"];
+/// The file of the reference.
+const REFERENCE: &str = "reference.exr";
+/// What [`run`] writes beside pictures of the rows.
+const FILES: [&str; 5] = [REFERENCE, "reference.png", "report.json", "report.csv", "index.html"];
 /// Attributes of a reference file: its own relMSE and RMSE.
 const NOISE: [&str; 2] = ["noise", "noise_rmse"];
 
@@ -52,6 +53,18 @@ pub struct Plan {
     pub reference_rays: u32,
     /// A reference of an earlier run with the same picture; `None` to make one.
     pub reference: Option<PathBuf>,
+}
+
+impl Plan {
+    /// The files that [`run`] writes to `folder` whatever is compared. A reference that stands
+    /// there already stays as it is.
+    pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
+        let is_reference = |path: &PathBuf| {
+            let reference = self.reference.as_deref().filter(|_| path.ends_with(REFERENCE));
+            reference.is_some_and(|r| check_distinct(&[r], std::slice::from_ref(path)).is_err())
+        };
+        FILES.map(|name| folder.join(name)).into_iter().filter(|p| !is_reference(p)).collect()
+    }
 }
 
 /// Runs `plan` on what the camera of `settings` sees and leaves `report.json`, `report.csv`,
@@ -81,7 +94,10 @@ pub fn run(
         .collect();
     let stage = Stage { tracer, settings, seen: tracer.views(&rays, None), progress };
     let reference = stage.reference(plan)?;
-    exr::write(&folder.join("reference.exr"), &reference.picture)?;
+    let path = folder.join(REFERENCE);
+    if plan.outputs(folder).contains(&path) {
+        exr::write(&path, &reference.picture)?;
+    }
     stage.picture(&folder.join("reference.png"), &reference.colors, reference.exposure)?;
     let mut report = Report {
         title: title.to_owned(),

@@ -16,7 +16,7 @@ mod fill;
 
 pub use fill::{
     Appearances, FillPlan, FillReport, FillStats, LevelPoints, ShadingPoint, Towards, VIEWED,
-    World, extent, scattered,
+    World, scattered,
 };
 pub use payload::{
     Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lobes, Payload,

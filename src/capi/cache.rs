@@ -7,9 +7,10 @@ use super::scene::{SceneKind, SceneObject};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
 };
-use crate::cache::{self, Cache, Live, Preset, Scheme, VIEWED, settings};
+use crate::cache::{Cache, Live, Preset, Scheme, VIEWED, settings};
 use crate::ffi::mxcsr::as_caller;
 use crate::gather::RadianceProbe;
+use crate::geometry;
 use crate::hosted::{self, Exchange, Host, HostProbe};
 use crate::progress::Progress;
 use crate::render::Job;
@@ -105,7 +106,7 @@ impl CacheObject {
         let mut extent = self.live.read(|s| s.cache().extent());
         if extent == 0.0 {
             let whole = self.scene.committed()?.size();
-            let seen = cache::extent(positions.len(), |i| positions.vector(i));
+            let seen = geometry::extent(positions.len(), |i| positions.vector(i));
             extent = seen.unwrap_or(whole);
         }
         Ok(VIEWED * extent)

@@ -7,7 +7,8 @@ use lumicache::cache::{CacheFile, Irradiance, Record};
 use lumicache::error::{Error, Result};
 use lumicache::fsutil;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::slice;
 
 pub fn run(command: &CacheCommand) -> Result<()> {
     match command {
@@ -51,6 +52,9 @@ fn info(path: &Path, as_json: bool) -> Result<()> {
 }
 
 fn merge(arguments: &CacheMerge) -> Result<()> {
+    fsutil::remember_what_is_read();
+    let inputs: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
+    fsutil::check_distinct(&inputs, slice::from_ref(&arguments.output))?;
     fsutil::check_writable(&arguments.output)?;
     let (first, others) = arguments.files.split_first().expect("clap demands one file");
     let mut all = CacheFile::read(first)?;

@@ -15,7 +15,7 @@ use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::viewer::{Display, Tile};
-use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Picture, Selection, frame_path};
+use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Rendering, Selection, frame_path};
 use lumicache::scene::Scene;
 use lumicache::transport::glass_bends_light;
 use serde_json::Value;
@@ -129,7 +129,7 @@ impl<'a> Request<'a> {
                     job.cameras(*frames, arguments.fps).map_err(in_file(&arguments.scene))?;
                 let job = job.watcher(|area, film| viewer.show(area, film));
                 let mut written = Ok(());
-                let write = |number: u32, picture: &Picture| {
+                let write = |number: u32, picture: &Rendering| {
                     let preview = arguments.preview.as_ref().map(|p| frame_path(p, number));
                     let output = frame_path(&self.output, number)?;
                     written = self.write(picture, &output, preview.transpose()?.as_deref());
@@ -213,7 +213,7 @@ impl<'a> Request<'a> {
     }
 
     /// Renders one picture and writes it.
-    fn picture<'s>(&self, job: Job<'s>, progress: &Progress) -> Result<Picture<'s>> {
+    fn picture<'s>(&self, job: Job<'s>, progress: &Progress) -> Result<Rendering<'s>> {
         let mut picture = job.run()?;
         picture.clock.start(Phase::Write);
         progress.start(Phase::Write, 0);
@@ -226,14 +226,14 @@ impl<'a> Request<'a> {
     }
 
     /// What to tell the user if the work was cancelled before there was anything to show.
-    fn kept(&self, picture: &Picture) -> Option<String> {
+    fn kept(&self, picture: &Rendering) -> Option<String> {
         let nothing = picture.frame.cancelled && picture.frame.is_empty();
         nothing.then(|| {
             format!("cancelled before the first pixel: {} is as it was", self.output.display())
         })
     }
 
-    fn write(&self, picture: &Picture, output: &Path, preview: Option<&Path>) -> Result<()> {
+    fn write(&self, picture: &Rendering, output: &Path, preview: Option<&Path>) -> Result<()> {
         // A picture of nothing must not take the place of another.
         if self.arguments.prepass_only || picture.frame.is_empty() {
             return Ok(());
@@ -244,7 +244,7 @@ impl<'a> Request<'a> {
     }
 
     /// Saves the records, if the user wants them; of cancelled work those that there are.
-    fn save(&self, picture: &Picture) -> Result<()> {
+    fn save(&self, picture: &Rendering) -> Result<()> {
         let records = picture.frame.caches.as_ref().map_or(0, |c| c.cache.record_count());
         let none = picture.frame.cancelled && records == 0;
         let path = self.arguments.cache_save.as_ref().filter(|_| !none);

@@ -13,6 +13,7 @@ use lumicache::import;
 use lumicache::progress::Progress;
 use lumicache::render::Job;
 use lumicache::scene::Scene;
+use std::path::Path;
 
 /// Rows of the picture without `--size`.
 const ROWS: u32 = 180;
@@ -22,6 +23,8 @@ pub fn run(arguments: &Report) -> Result<()> {
     let plan = plan(arguments)?;
     let size = arguments.size.as_deref().map(parse_size).transpose()?;
     std::fs::create_dir_all(&arguments.output).map_err(Error::io(&arguments.output))?;
+    let outputs = plan.outputs(&arguments.output);
+    fsutil::check_distinct(&inputs(arguments, &plan), &outputs)?;
     let threads = thread_count(arguments.threads)?;
     let report =
         on_threads(threads, arguments.quiet, |progress| compare(arguments, &plan, size, progress))?;
@@ -39,8 +42,7 @@ fn compare(
         data.warnings.extend(warnings);
     }
     // Now the files are known that the scene refers to.
-    let outputs = experiment::FILES.map(|name| arguments.output.join(name));
-    outputs.iter().try_for_each(|path| fsutil::check_writable(path))?;
+    plan.outputs(&arguments.output).iter().try_for_each(|path| fsutil::check_writable(path))?;
     let (scene, warnings) = Scene::new(data, Backend::default())?;
     warnings.iter().filter(|_| !arguments.quiet).for_each(|warning| warn(warning));
     let scene = scene.with_tables(tables());
@@ -58,6 +60,12 @@ fn compare(
     }
     let title = arguments.scene.file_stem().unwrap_or_default().to_string_lossy();
     experiment::run(&scene, &job.settings()?, plan, &title, &arguments.output, progress)
+}
+
+/// The files that the arguments name as inputs.
+fn inputs<'a>(arguments: &'a Report, plan: &'a Plan) -> Vec<&'a Path> {
+    let others = [arguments.env.as_deref(), plan.reference.as_deref()];
+    others.into_iter().flatten().chain([arguments.scene.as_path()]).collect()
 }
 
 fn plan(arguments: &Report) -> Result<Plan> {

@@ -1,9 +1,11 @@
 //! Triangle meshes, their instances, and the points of their surfaces.
 
 mod buffer;
+mod extent;
 mod surface;
 
 pub use buffer::Buffer;
+pub use extent::{extent, median_length};
 pub use surface::{MAP_ROUNDING, SurfacePoint, interpolate};
 
 use crate::math::{Affine3A, Vec2, Vec3, Vec4};

@@ -1,6 +1,7 @@
 //! Pictures of linear light for environments: Radiance `.hdr` and OpenEXR.
 
 use super::exr;
+use super::guard::guarded;
 use super::picture::{Channel, Picture, SampleKind};
 use crate::error::{Error, Result};
 use crate::fsutil;
@@ -42,7 +43,7 @@ pub fn read_environment(path: &Path, most: Option<u64>) -> Result<(Picture, usiz
         // Its colours are copied after it was read.
         exr::read_bytes_within(&bytes, most / 2).and_then(environment_of)
     } else if bytes.starts_with(b"#?") {
-        decode_radiance(&bytes, most)
+        guarded(|| decode_radiance(&bytes, most))
     } else {
         return Err(Error::unsupported(
             path,

@@ -1,5 +1,6 @@
 //! Pictures of 8 and 16 bits: textures in, previews out.
 
+use super::guard::guarded;
 use super::picture::check_extension;
 use crate::error::{Error, Result};
 use crate::fsutil::write_atomically;
@@ -61,6 +62,10 @@ const MAX_PIXELS_PER_BYTE_JPEG: u64 = 8 * 64;
 /// What is wrong, without the file's name: another format, damage, no pixels, more than
 /// [`MAX_SIZE`] columns or rows.
 pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
+    guarded(|| decode_pixels(bytes))
+}
+
+fn decode_pixels(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
     let bytes = essential(bytes);
     let (decoder, format) = open(&bytes)?;
     let (width, height) = decoder.dimensions();
@@ -75,11 +80,14 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<TextureImage, String> {
 
 /// Bytes that [`decode`] takes, at its peak and beside the file's; 0 for a file that it refuses.
 pub fn memory(bytes: &[u8]) -> u64 {
-    let bytes = essential(bytes);
-    let Ok((decoder, _)) = open(&bytes) else { return 0 };
-    let (width, height) = decoder.dimensions();
-    let pixel = if is_deep(decoder.color_type()) { 8 } else { 4 };
-    decoder.total_bytes() + u64::from(width) * u64::from(height) * pixel
+    let needed = || {
+        let bytes = essential(bytes);
+        let (decoder, _) = open(&bytes)?;
+        let (width, height) = decoder.dimensions();
+        let pixel = if is_deep(decoder.color_type()) { 8 } else { 4 };
+        Ok(decoder.total_bytes() + u64::from(width) * u64::from(height) * pixel)
+    };
+    guarded(needed).unwrap_or(0)
 }
 
 fn is_deep(color: ColorType) -> bool {

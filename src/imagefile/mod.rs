@@ -1,5 +1,6 @@
 //! Image files in and out: EXR, HDR, PNG, JPEG, WebP. Pixels and attributes, no rendering.
 
+mod guard;
 mod picture;
 pub mod ldr;
 pub mod exr;

@@ -1,6 +1,7 @@
 //! A bound on what a file may make of itself in memory.
 
 use super::fault::{Fault, Parsed, Why};
+use crate::error::check_room;
 
 /// Counts the bytes that reading takes, before they are allocated, so that a small hostile file
 /// cannot fill the memory.
@@ -57,12 +58,12 @@ impl Budget {
             return Err(Fault { why: Why::Memory, ..Fault::new(at, what) });
         };
         self.left = left;
-        let room = |bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok();
-        if bytes >= Self::LARGE && !usize::try_from(bytes).is_ok_and(room) {
-            let what = format!("there is no memory for {count} elements of {size} bytes");
-            return Err(Fault { why: Why::Memory, ..Fault::new(at, what) });
+        if bytes < Self::LARGE {
+            return Ok(());
         }
-        Ok(())
+        let what = format_args!("{count} elements of {size} bytes");
+        check_room(what, bytes)
+            .map_err(|e| Fault { why: Why::Memory, ..Fault::new(at, e.to_string()) })
     }
 }
 

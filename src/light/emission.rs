@@ -45,6 +45,18 @@ pub struct Emission {
     pub ray_density: f32,
 }
 
+/// The ball that most light paths from infinity are aimed at.
+#[derive(Clone, Copy, Debug)]
+pub struct Focus {
+    /// Its middle.
+    pub center: Vec3,
+    /// Its radius.
+    pub radius: f32,
+}
+
+/// Part of the paths from infinity that cross the focus; the others cross the whole scene.
+const FOCUSED: f32 = 0.8;
+
 #[derive(Clone, Copy)]
 enum Item {
     Triangle(usize),
@@ -65,8 +77,9 @@ pub struct EmissionSampler<'a> {
     points: usize,
     /// For each punctual light of the scene, its item.
     punctual: Vec<usize>,
-    center: Vec3,
+    bounds: Aabb,
     radius: f32,
+    focus: Option<Focus>,
 }
 
 impl<'a> EmissionSampler<'a> {
@@ -121,7 +134,19 @@ impl<'a> EmissionSampler<'a> {
             punctual[index] = i;
         }
         let points = tree.triangles().len();
-        Self { lights, items, sums, points, punctual, center: bounds.center(), radius }
+        Self { lights, items, sums, points, punctual, bounds, radius, focus: None }
+    }
+
+    /// The same with most of the paths from infinity aimed at `focus`. Nothing changes where that
+    /// is hardly smaller than the scene.
+    ///
+    /// The paths of a scene with a ground plane of a hundred kilometres would all miss the room
+    /// that stands there. The density of a ray is that of both kinds of paths together, so any ray
+    /// may be of any kind.
+    #[must_use]
+    pub fn aimed_at(self, focus: Option<Focus>) -> Self {
+        let small = |f: &Focus| f.radius > 0.0 && 2.0 * f.radius.powi(2) < self.radius.powi(2);
+        Self { focus: focus.filter(small), ..self }
     }
 
     fn probability(&self, item: usize) -> f32 {
@@ -233,15 +258,30 @@ impl<'a> EmissionSampler<'a> {
         (emission.measure > 0.0 && emission.measure.is_finite()).then_some(emission)
     }
 
-    /// A ray through the disc across the direction that covers the scene.
+    /// A ray through the disc across the direction that covers the scene, or its focus.
     fn start_at_infinity(
         &self, source: LightSource, delta: bool, direction: Vec3, emitted: Color, place: Vec2,
         density: f32,
     ) -> Emission {
         let frame = Frame::from_normal(direction);
-        let disc = square_to_disk(place) * self.radius;
-        let origin = self.center - direction * self.radius + frame.s * disc.x + frame.t * disc.y;
-        let ray_density = self.disc_density();
+        let beside = |middle: Vec3, place: Vec2, radius: f32| {
+            let disc = square_to_disk(place) * radius;
+            middle + frame.s * disc.x + frame.t * disc.y
+        };
+        let x = place.x / FOCUSED;
+        let origin = match self.focus {
+            Some(Focus { center, radius }) if x < 1.0 => {
+                let at = beside(center, Vec2::new(x, place.y), radius);
+                self.outside(at, direction, radius)
+            }
+            focus => {
+                let x = (place.x - FOCUSED) / (1.0 - FOCUSED);
+                let rest = Vec2::new(x.min(1.0 - f32::EPSILON), place.y);
+                let place = if focus.is_some() { rest } else { place };
+                beside(self.bounds.center() - direction * self.radius, place, self.radius)
+            }
+        };
+        let ray_density = self.disc_density(origin, direction);
         Emission {
             end: LightEnd { source, position: origin, normal: Vec3::ZERO, distant: true, delta },
             origin,
@@ -253,8 +293,26 @@ impl<'a> EmissionSampler<'a> {
         }
     }
 
-    fn disc_density(&self) -> f32 {
-        INV_PI / (self.radius * self.radius)
+    /// A place on the line through `at`, `margin` before it enters the scene: from farther away
+    /// rounding would shift the ray.
+    fn outside(&self, at: Vec3, direction: Vec3, margin: f32) -> Vec3 {
+        let mut entry = f32::NEG_INFINITY;
+        for axis in (0..3).filter(|axis| direction[*axis] != 0.0) {
+            let sides = [self.bounds.min, self.bounds.max];
+            let [a, b] = sides.map(|side| (side[axis] - at[axis]) / direction[axis]);
+            entry = entry.max(a.min(b));
+        }
+        at + direction * (entry.min(0.0) - margin)
+    }
+
+    /// Density per area across `direction` of the rays from infinity that pass `at`.
+    fn disc_density(&self, at: Vec3, direction: Vec3) -> f32 {
+        let disc = |radius: f32| INV_PI / (radius * radius);
+        let Some(Focus { center, radius }) = self.focus else { return disc(self.radius) };
+        let offset = at - center;
+        let aside = offset - direction * offset.dot(direction);
+        let focused = if aside.length() < radius { FOCUSED * disc(radius) } else { 0.0 };
+        focused + (1.0 - FOCUSED) * disc(self.radius)
     }
 
     /// The density with which paths start at an end: per area on a surface, per steradian for the
@@ -284,9 +342,9 @@ impl<'a> EmissionSampler<'a> {
         }
     }
 
-    /// The density of the ray that leaves an end along the unit direction: per steradian, for
-    /// lights at infinity per area across it.
-    pub fn ray_density(&self, end: &LightEnd, direction: Vec3) -> f32 {
+    /// The density of the ray that leaves an end along the unit direction and passes `at`: per
+    /// steradian, for lights at infinity per area across it.
+    pub fn ray_density(&self, end: &LightEnd, direction: Vec3, at: Vec3) -> f32 {
         match end.source {
             LightSource::Triangle { instance, triangle, .. } => {
                 let double = self
@@ -295,8 +353,8 @@ impl<'a> EmissionSampler<'a> {
                     .is_some_and(|t| t.emitter().double_sided);
                 end.normal.dot(direction).max(0.0) * INV_PI * if double { 0.5 } else { 1.0 }
             }
-            LightSource::Environment => self.disc_density(),
-            LightSource::Punctual(_) if end.distant => self.disc_density(),
+            LightSource::Environment => self.disc_density(at, direction),
+            LightSource::Punctual(_) if end.distant => self.disc_density(at, direction),
             LightSource::Punctual(index) => {
                 self.punctual(index).map_or(0.0, |(_, light)| light.direction_density(direction))
             }

@@ -82,6 +82,8 @@ impl Lights {
         let parallel: Color = directional.iter().map(|(_, l)| l.strength()).sum();
         let size = if bounds.is_empty() { Vec3::ZERO } else { bounds.max - bounds.min };
         let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+        // A ground plane around the scene is no wall of it.
+        let walls = geometry.extent().map_or(walls, |extent| walls.min(2.0 * extent * extent));
         let outside = 0.25 * (weight(fluence) + weight(parallel));
         let share = outside / (outside + weight(finite_power) / walls);
         let share = if share.is_nan() { 0.5 } else { share.clamp(MIN_SHARE, 1.0 - MIN_SHARE) };

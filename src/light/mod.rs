@@ -17,7 +17,7 @@ mod tree;
 mod lights;
 mod emission;
 
-pub use emission::{Emission, EmissionSampler, LightEnd};
+pub use emission::{Emission, EmissionSampler, Focus, LightEnd};
 pub use ies::{IesFault, IesProfile, Photometry};
 pub use lights::Lights;
 pub use pattern::Pattern;

@@ -1,7 +1,7 @@
 //! Emission that varies over a triangle.
 
 use crate::math::{DMat2, DVec2, Vec2};
-use crate::sampling::{hash, lattice_point, unit_f32};
+use crate::sampling::{hash, unit_f32};
 use crate::texture::{SummedTable, Window, area, window_of};
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ const SHARE: f64 = 0.75;
 /// exactly that of the table over the triangle, and the chance that no try succeeds is known.
 #[derive(Clone, Debug)]
 pub struct Pattern {
-    table: Arc<SummedTable>,
+    table: Arc<SummedTable<1>>,
     window: Window,
     corner: DVec2,
     edges: DMat2,
@@ -32,7 +32,7 @@ impl Pattern {
     /// The pattern of a triangle with these corners, in the cells of `table` and in the order of
     /// the mesh, over which the table's integral is `integral`. `None` where the triangle has no
     /// area there or does not glow.
-    pub fn new(table: Arc<SummedTable>, corners: [DVec2; 3], integral: f64) -> Option<Self> {
+    pub fn new(table: Arc<SummedTable<1>>, corners: [DVec2; 3], integral: f64) -> Option<Self> {
         let [a, b, c] = corners;
         let window = window_of(corners);
         let around = table.sum(window);
@@ -43,16 +43,6 @@ impl Pattern {
         let share = SHARE * (1.0 - missed);
         (to_weights.is_finite() && scale.is_finite() && scale > 0.0 && share > 0.0)
             .then_some(Self { table, window, corner: a, edges, to_weights, scale, share })
-    }
-
-    /// Mean density of `count` points that the table draws, as a multiple of the uniform one: 1 for
-    /// even emission, and the more the less of the triangle glows.
-    pub fn contrast(&self, count: u32) -> f64 {
-        let points = (0..count).filter_map(|k| self.inside(lattice_point(k, count)));
-        let (sum, drawn) = points.fold((0.0, 0_u32), |(sum, n), weights| {
-            (sum + f64::from(self.density(weights)), n + 1)
-        });
-        sum / f64::from(drawn.max(1))
     }
 
     /// The weights of the second and third vertex of a point drawn by the table; `None` for those

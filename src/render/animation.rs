@@ -3,7 +3,7 @@
 use super::clock::Clock;
 use super::frame::Frame;
 use super::job::{Job, on_workers};
-use super::picture::Picture;
+use super::rendering::Rendering;
 use super::sequence::{Growth, fill_sequence};
 use super::settings::Settings;
 use crate::camera::Camera;
@@ -86,13 +86,13 @@ pub struct FrameCost {
 /// A rendered sequence.
 pub struct Sequence<'a> {
     /// The last picture that was rendered, with the time of the whole sequence.
-    pub last: Picture<'a>,
+    pub last: Rendering<'a>,
     /// The cost of each frame.
     pub costs: Vec<FrameCost>,
 }
 
 impl Sequence<'_> {
-    /// [`Picture::stats`] of the last picture, with the times of all pictures and a list of them.
+    /// [`Rendering::stats`] of the last picture, with the times of all pictures and a list of them.
     pub fn stats(&self) -> Value {
         let mut stats = self.last.stats();
         let row = |cost: &FrameCost| {
@@ -142,13 +142,14 @@ impl<'a> Job<'a> {
     /// # Errors
     /// Those of [`Job::run`] and of `finished`.
     pub fn run_sequence(
-        self, cameras: &[(u32, Camera)], finished: impl FnMut(u32, &Picture) -> Result<()> + Send,
+        self, cameras: &[(u32, Camera)], finished: impl FnMut(u32, &Rendering) -> Result<()> + Send,
     ) -> Result<Sequence<'a>> {
         on_workers(|| self.render_sequence(cameras, finished))
     }
 
     fn render_sequence(
-        mut self, cameras: &[(u32, Camera)], mut finished: impl FnMut(u32, &Picture) -> Result<()>,
+        mut self, cameras: &[(u32, Camera)],
+        mut finished: impl FnMut(u32, &Rendering) -> Result<()>,
     ) -> Result<Sequence<'a>> {
         let settings = self.settings()?;
         let mut caches = self.begin(&settings)?;
@@ -163,7 +164,7 @@ impl<'a> Job<'a> {
             growth = match filled {
                 Err(Error::Cancelled) => {
                     let frame = Frame { cancelled: true, ..Frame::empty(&settings, Some(caches))? };
-                    let last = Picture::new(self.scene, frame, settings, self.clock, self.output);
+                    let last = Rendering::new(self.scene, frame, settings, self.clock, self.output);
                     return Ok(Sequence { last, costs: Vec::new() });
                 }
                 filled => filled?,
@@ -178,7 +179,8 @@ impl<'a> Job<'a> {
             let frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
             clock.start(Phase::Write);
             progress.start(Phase::Write, 0);
-            let mut picture = Picture::new(self.scene, frame, settings, clock, self.output.clone());
+            let mut picture =
+                Rendering::new(self.scene, frame, settings, clock, self.output.clone());
             finished(*number, &picture)?;
             picture.clock.stop();
             self.clock.add(&picture.clock);

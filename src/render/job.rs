@@ -3,7 +3,7 @@
 use super::caches::Caches;
 use super::clock::Clock;
 use super::frame::{Frame, Watcher};
-use super::picture::{Output, Picture, origin};
+use super::rendering::{Output, Rendering, origin};
 use super::selection::Selection;
 use super::settings::{IntegratorKind, Settings};
 use super::visible::fill_for_camera;
@@ -342,11 +342,11 @@ impl<'a> Job<'a> {
     ///
     /// # Errors
     /// Those of [`Job::settings`] and of reading cache files.
-    pub fn run(self) -> Result<Picture<'a>> {
+    pub fn run(self) -> Result<Rendering<'a>> {
         on_workers(|| self.render())
     }
 
-    fn render(mut self) -> Result<Picture<'a>> {
+    fn render(mut self) -> Result<Rendering<'a>> {
         let settings = self.settings()?;
         let mut caches = self.begin(&settings)?;
         let nobody = Progress::default();
@@ -368,7 +368,7 @@ impl<'a> Job<'a> {
             }
         };
         self.clock.stop();
-        Ok(Picture::new(self.scene, frame, settings, self.clock, self.output))
+        Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output))
     }
 
     /// The caches with the records to begin with; `None` for an integrator without records.

@@ -13,7 +13,7 @@ mod selection;
 mod overlay;
 mod output;
 mod stats;
-mod picture;
+mod rendering;
 mod job;
 mod animation;
 
@@ -23,7 +23,7 @@ pub use clock::{Clock, peak_memory_bytes};
 pub use frame::{Frame, Watcher};
 pub use job::{Job, camera_number, workers};
 pub use output::{Facts, write_exr, write_preview};
-pub use picture::Picture;
+pub use rendering::Rendering;
 pub use selection::Selection;
 pub use sequence::{Growth, fill_sequence};
 pub use settings::{IntegratorKind, Settings};

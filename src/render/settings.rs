@@ -2,7 +2,7 @@
 
 use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_room};
 use crate::film::Pixel;
 use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
@@ -101,10 +101,7 @@ impl Settings {
         let pixels = u64::from(x1 - x0) * u64::from(y1 - y0);
         let bytes =
             pixels * (size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS)) as u64;
-        let room = usize::try_from(bytes).ok();
-        let free = room.is_some_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
-        let what = format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0);
-        if free { Ok(()) } else { Err(Error::memory(what, bytes)) }
+        check_room(format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0), bytes)
     }
 }
 

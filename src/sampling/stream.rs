@@ -40,6 +40,9 @@ pub const TOWARDS_BRIGHT: u64 = 3;
 /// Of a job's seed: the light paths that look for small bright surfaces.
 pub const BRIGHT: u64 = 0x6272_6967_6874;
 
+/// The camera rays that look for what light paths are aimed at.
+pub const FOCUS: u64 = 0x0066_6f63_7573;
+
 /// Of a camera sample's seed: the walk from a light.
 pub const LIGHT_WALK: u64 = 0x006c_6967_6874;
 

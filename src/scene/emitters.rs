@@ -19,10 +19,9 @@ const FAR: f64 = 1e9;
 const FEW: f64 = 4.0;
 /// See `FEW`.
 const THIN: f64 = 1e-2;
-/// Least mean of a pattern's density over its own samples that is worth sampling by.
+/// Least contrast of a pattern that is worth sampling by: 1 for even emission, and the more the
+/// less of a triangle glows.
 const CONTRAST: f64 = 1.2;
-/// Points that a pattern draws to judge that.
-const DRAWN: u32 = 16;
 /// Points at which the alpha of a pattern is asked for.
 const ASKED: u32 = 64;
 
@@ -38,9 +37,10 @@ struct Key {
 /// Emission and opacity of textures in cells, without the emission factor.
 struct Table {
     size: [f64; 2],
-    channels: [SummedTable; 3],
+    /// Mean over the channels, red, green, blue, and the square of the mean.
+    sums: SummedTable<5>,
     /// Mean over the channels; `None` where all cells are alike.
-    shared: Option<Arc<SummedTable>>,
+    shared: Option<Arc<SummedTable<1>>>,
 }
 
 /// The emission of the triangles of a mesh: mean radiance and pattern.
@@ -175,13 +175,14 @@ impl<'a> Surfaces<'a> {
             sum / (parts * parts) as f32
         };
         let cells: Vec<Color> = (0..width * height).into_par_iter().map(cell).collect();
-        let sums =
-            |of: fn(&Color) -> f32| SummedTable::new([width, height], wrap, cells.iter().map(of));
+        let mean = |c: &Color| (c.x + c.y + c.z) / 3.0;
+        let numbers = |c: &Color| [mean(c), c.x, c.y, c.z, mean(c) * mean(c)];
+        let means = || SummedTable::new([width, height], wrap, cells.iter().map(|c| [mean(c)]));
         let alike = cells.iter().all(|c| c.abs_diff_eq(cells[0], 1e-4));
         Table {
             size: [width as f64, height as f64],
-            channels: [sums(|c| c.x), sums(|c| c.y), sums(|c| c.z)],
-            shared: (!alike).then(|| Arc::new(sums(|c| (c.x + c.y + c.z) / 3.0))),
+            sums: SummedTable::new([width, height], wrap, cells.iter().map(numbers)),
+            shared: (!alike).then(|| Arc::new(means())),
         }
     }
 
@@ -245,24 +246,25 @@ impl<'a> Surfaces<'a> {
         let lengths = [b - a, c - b, a - c].map(DVec2::length);
         let longest = lengths.into_iter().fold(0.0, f64::max);
         let near = corners.iter().all(|c| c.abs().max_element() < FAR);
-        let channels = table.channels.each_ref();
         let (mean, pattern) = match &table.shared {
             Some(_) if near && (longest <= FEW || area(&corners) < THIN * longest) => {
                 let side = (4.0 * longest).ceil().clamp(2.0, 128.0) as usize;
                 return (self.mean_at_points(instance, triangle, side), None);
             }
             Some(shared) if near => {
-                let [red, green, blue] = channels;
-                let [all, sums @ ..] = integrals([shared, red, green, blue], corners);
-                let mean = sums.map(|sum| (sum / area(&corners)) as f32);
-                (mean, Pattern::new(shared.clone(), corners, all))
+                let [all, red, green, blue, squares] = integrals(&table.sums, corners);
+                let mean = [red, green, blue].map(|sum| (sum / area(&corners)) as f32);
+                // The mean of a pattern's density over its own samples.
+                let contrast = squares * area(&corners) / (all * all);
+                let pattern = || Pattern::new(shared.clone(), corners, all);
+                (mean, if contrast >= CONTRAST { pattern() } else { None })
             }
             _ => {
                 let window = [[0, 0], table.size.map(|n| n as i64)];
-                (channels.map(|t| (t.sum(window) / size.element_product()) as f32), None)
+                let [_, red, green, blue, _] = table.sums.sums(window);
+                ([red, green, blue].map(|sum| (sum / size.element_product()) as f32), None)
             }
         };
-        let pattern = pattern.filter(|p| p.contrast(DRAWN) >= CONTRAST);
         let mut mean = material.emission * Color::from_array(mean);
         if apart {
             mean *= self.opacity_by(instance, triangle, pattern.as_ref());

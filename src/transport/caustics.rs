@@ -1,7 +1,8 @@
 //! Whether a scene has light that light paths alone find.
 
 use crate::accel::Ray;
-use crate::light::{Emission, EmissionSampler, LightSource};
+use crate::geometry::{Geometry, Instance};
+use crate::light::{Emission, EmissionSampler, Focus, LightSource};
 use crate::sampling::Sampler;
 use crate::scene::{Scene, same_direction};
 
@@ -18,7 +19,8 @@ pub fn glass_bends_light(scene: &Scene) -> bool {
     if !scene.has_panes() {
         return false;
     }
-    let emission = EmissionSampler::new(scene.lights(), scene.bounds());
+    let emission =
+        EmissionSampler::new(scene.lights(), scene.bounds()).aimed_at(Some(around_glass(scene)));
     let bent = |number| {
         let mut sampler = Sampler::new(0, number);
         let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
@@ -32,6 +34,15 @@ pub fn glass_bends_light(scene: &Scene) -> bool {
     };
     let through: Vec<bool> = (0..RAYS).filter_map(bent).collect();
     through.iter().filter(|bent| **bent).count() * EDGES as usize > through.len()
+}
+
+/// The ball around everything that may be a pane.
+fn around_glass(scene: &Scene) -> Focus {
+    let Geometry { meshes, instances } = scene.geometry();
+    let is_glass = |i: &&Instance| scene.is_pane(meshes[i.mesh as usize].material);
+    let instances = instances.iter().filter(is_glass).cloned().collect();
+    let bounds = Geometry { meshes: meshes.clone(), instances }.bounds();
+    Focus { center: bounds.center(), radius: 0.5 * bounds.diagonal() }
 }
 
 /// Whether light that passes glass has another direction behind it; `None` if it passes none, or

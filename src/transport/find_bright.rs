@@ -2,9 +2,9 @@
 
 use super::bdpt::FirstHits;
 use super::bright::{Bright, Patch};
+use super::focus::focus;
 use super::path::PathTracer;
-use crate::cache::extent;
-use crate::geometry::{Aabb, SurfacePoint};
+use crate::geometry::{Aabb, SurfacePoint, extent};
 use crate::math::Vec3;
 use crate::sampling::{hash, stream};
 use rayon::prelude::*;
@@ -54,7 +54,7 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
         return Bright::default();
     }
     let seed = hash(&[seed, stream::BRIGHT]);
-    let walks = FirstHits::new(tracer);
+    let walks = FirstHits::new(tracer, focus(points.len(), |i| points[i].position));
     let lit = |number: u32| {
         let (vertex, flux) = walks.trace(seed, number)?;
         let words = hash(&[seed, u64::from(number)]);

@@ -7,6 +7,7 @@ mod bright;
 mod lobes;
 mod path;
 mod bdpt;
+mod focus;
 mod find_bright;
 mod hit_change;
 mod outgoing;

@@ -5,6 +5,7 @@ use super::bdpt::LightPaths;
 use super::bright::{Bright, Cones};
 use super::direct::LightPoints;
 use super::find_bright::find_bright;
+use super::focus::focus;
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start};
 use super::vertex::{Aim, Origin, Vertex};
@@ -12,6 +13,7 @@ use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
+use crate::light::Focus;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{Rng, Sampler, hash, stream};
 use std::sync::OnceLock;
@@ -22,6 +24,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
     lobes: Option<CachedLobes<'a>>,
+    /// What the first fill is for.
+    focus: OnceLock<Option<Focus>>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
     /// Found when the first fill begins.
@@ -53,10 +57,20 @@ impl<'a> SceneProbe<'a> {
         Self {
             tracer,
             lobes: None,
+            focus: OnceLock::new(),
             light_paths: OnceLock::new(),
             bright: OnceLock::new(),
             counts: Counts::default(),
         }
+    }
+
+    /// Aims light paths from infinity at what lies around `points`, unless that was done before.
+    pub fn aim_at(&self, points: &[SurfacePoint]) {
+        self.focus.get_or_init(|| focus(points.len(), |i| points[i].position));
+    }
+
+    fn new_light_paths(&self) -> LightPaths<'a> {
+        LightPaths::new(self.tracer, self.focus.get().copied().flatten())
     }
 
     /// Looks for the small bright surfaces that light up what lies around `points`, unless that was
@@ -84,8 +98,7 @@ impl RadianceProbe for SceneProbe<'_> {
         let joined = bundle.light_paths > 0
             && !scene.lights().is_empty()
             && bounces <= self.tracer.max_bounces;
-        let light_paths =
-            joined.then(|| self.light_paths.get_or_init(|| LightPaths::new(self.tracer)));
+        let light_paths = joined.then(|| self.light_paths.get_or_init(|| self.new_light_paths()));
 
         let bright =
             self.bright.get().filter(|b| !b.patches.is_empty() && bundle.towards_bright > 0);

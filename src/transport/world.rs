@@ -61,6 +61,7 @@ impl World for SceneWorld<'_> {
     }
 
     fn prepare(&self, points: &[SurfacePoint], seed: u64) {
+        self.probe.aim_at(points);
         if self.seeks_bright {
             self.probe.seek_bright(points, seed);
         }

@@ -6,7 +6,8 @@
 
 use super::filled;
 use lumicache::accel::Backend;
-use lumicache::cache::{Preset, VIEWED, extent};
+use lumicache::cache::{Preset, VIEWED};
+use lumicache::geometry::extent;
 use lumicache::geometry::{Geometry, Instance, SurfacePoint, TriangleMesh};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Vec3};

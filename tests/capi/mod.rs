@@ -3,10 +3,11 @@
 
 use lumicache::accel::Backend;
 use lumicache::cache::{
-    Cache, FillPlan, FillReport, Preset, Scheme, ShadingPoint, VIEWED, extent, scattered,
+    Cache, FillPlan, FillReport, Preset, Scheme, ShadingPoint, VIEWED, scattered,
 };
 use lumicache::capi::*;
-use lumicache::geometry::SurfacePoint;
+use lumicache::geometry::{SurfacePoint, extent};
+
 use lumicache::math::Vec3;
 use lumicache::progress::Progress;
 use lumicache::sampling::hash;

@@ -64,18 +64,29 @@ fn lights() -> (Lights, Aabb) {
 #[test]
 fn the_flux_of_all_paths_is_the_power_of_all_lights() {
     let (lights, bounds) = lights();
-    let sampler = EmissionSampler::new(&lights, bounds);
+    for focus in FOCI {
+        let sampler = EmissionSampler::new(&lights, bounds).aimed_at(focus);
+        assert_power(&lights, &sampler);
+    }
+}
+
+/// None, and one that lies in part outside the scene.
+const FOCI: [Option<Focus>; 2] =
+    [None, Some(Focus { center: Vec3::new(-0.5, 1.0, 2.0), radius: 1.0 })];
+
+fn assert_power(lights: &Lights, sampler: &EmissionSampler) {
     let mut rng = Rng::new(1);
-    let count = 200_000;
+    let count = 400_000;
     let mut sum = Color::ZERO;
     for _ in 0..count {
         if let Some(e) = sampler.sample(rng.next_f32(), rng.next_2d(), rng.next_2d()) {
             sum += e.emitted * e.measure / count as f32;
         }
     }
-    // The spread of one path's flux is below twice the mean: 2 % is beyond 4 standard errors.
+    // The spread of one path's flux is below four times the mean, that of paths beside the focus
+    // being large: 3 % is beyond 4 standard errors.
     assert!(
-        (sum / lights.power() - Color::ONE).abs().max_element() < 0.02,
+        (sum / lights.power() - Color::ONE).abs().max_element() < 0.03,
         "{sum} {}",
         lights.power()
     );
@@ -84,7 +95,12 @@ fn the_flux_of_all_paths_is_the_power_of_all_lights() {
 #[test]
 fn densities_are_those_of_the_samples() {
     let (lights, bounds) = lights();
-    let sampler = EmissionSampler::new(&lights, bounds);
+    for focus in FOCI {
+        assert_densities(&EmissionSampler::new(&lights, bounds).aimed_at(focus));
+    }
+}
+
+fn assert_densities(sampler: &EmissionSampler) {
     let mut rng = Rng::new(2);
     let mut kinds = [0; 3];
     for _ in 0..20_000 {
@@ -92,7 +108,7 @@ fn densities_are_those_of_the_samples() {
             continue;
         };
         let end = sampler.end_density(&e.end, e.direction);
-        let ray = sampler.ray_density(&e.end, e.direction);
+        let ray = sampler.ray_density(&e.end, e.direction, e.origin);
         assert!(
             (end / e.end_density - 1.0).abs() < 1e-3 && (ray / e.ray_density - 1.0).abs() < 1e-3,
             "{e:?} {end} {ray}"
@@ -106,6 +122,66 @@ fn densities_are_those_of_the_samples() {
         }] += 1;
     }
     assert!(kinds.iter().all(|k| *k > 500), "{kinds:?}");
+}
+
+#[test]
+fn paths_from_infinity_cross_the_scene_and_most_of_them_its_focus() {
+    // A ground of 100 km around a room.
+    let bounds = Aabb { min: Vec3::new(-1e5, -1.0, -1e5), max: Vec3::new(1e5, 3.0, 1e5) };
+    let sky = Some(EnvironmentMap::constant(Color::ONE));
+    let lights = Lights::build(&Geometry::default(), vec![], vec![], sky, bounds);
+    let focus = Focus { center: Vec3::new(300.0, 1.0, -200.0), radius: 2.0 };
+    let sampler = EmissionSampler::new(&lights, bounds).aimed_at(Some(focus));
+    let (mut rng, mut near) = (Rng::new(4), 0);
+    for _ in 0..10_000 {
+        let e = sampler.sample(rng.next_f32(), rng.next_2d(), rng.next_2d()).unwrap();
+        let offset = e.origin - focus.center;
+        let aside = offset - e.direction * offset.dot(e.direction);
+        near += u32::from(aside.length() < focus.radius);
+        // It starts outside, beside where it enters, so that rounding does not shift it.
+        let inside = e.origin.cmpgt(bounds.min).all() && e.origin.cmplt(bounds.max).all();
+        assert!(!inside, "{e:?}");
+    }
+    assert!((7800..8200).contains(&near), "{near}");
+}
+
+#[test]
+fn a_ground_plane_does_not_decide_between_lamps_and_sky() {
+    let choice = |ground: f32| {
+        let mut rng = Rng::new(5);
+        let mut positions: Vec<Vec3> = (0..40)
+            .flat_map(|_| {
+                let at = 2.0 * Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32()) - 1.0;
+                [at, at + 0.1 * Vec3::X, at + 0.1 * Vec3::Y]
+            })
+            .collect();
+        let corner = |x: f32, z: f32| Vec3::new(x * ground, -1.0, z * ground);
+        positions.extend([corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)]);
+        positions.extend([corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)]);
+        let triangles = positions.len() as u32 / 3;
+        let indices: Vec<_> = (0..triangles).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let mesh = TriangleMesh {
+            indices: indices.into(),
+            positions: positions.into(),
+            ..TriangleMesh::default()
+        };
+        let geometry = Geometry {
+            meshes: vec![Arc::new(mesh)],
+            instances: vec![Instance { mesh: 0, to_world: Affine3A::IDENTITY }],
+        };
+        let lamp = PunctualLight::Point {
+            position: Vec3::ZERO,
+            intensity: Color::splat(2.0),
+            range: f32::INFINITY,
+        };
+        let sky = Some(EnvironmentMap::constant(Color::ONE));
+        let bounds = geometry.bounds();
+        let lights = Lights::build(&geometry, vec![], vec![lamp], sky, bounds);
+        lights.pdf_punctual(Vec3::splat(0.5), None, 0)
+    };
+    let [small, large] = [1.0, 1e5].map(choice);
+    assert!((0.25..0.75).contains(&small), "{small}");
+    assert!((large / small - 1.0).abs() < 0.2, "{small} {large}");
 }
 
 #[test]

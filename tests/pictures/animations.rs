@@ -5,7 +5,7 @@ use crate::support::gltf_maker::{Gltf, floats, shorts, triangle};
 use crate::support::pictures::{beauty, build, cached, difference, own};
 use lumicache::imagefile::exr;
 use lumicache::math::Vec3;
-use lumicache::render::{Frames, Job, Picture, workers};
+use lumicache::render::{Frames, Job, Rendering, workers};
 use lumicache::scene::SceneData;
 use serde_json::{Value, json};
 
@@ -175,7 +175,7 @@ fn frames_share_records() {
         let job = Job::new(&scene).scheme(scheme.clone()).size(48, 48).spp(4);
         let cameras = job.cameras(Frames { first: 0, last: 3 }, 24.0).unwrap();
         let mut pictures = Vec::new();
-        let take = |_, picture: &Picture| {
+        let take = |_, picture: &Rendering| {
             let film = &picture.frame.film;
             let lookups = film.pixels().iter().map(|p| p.lookups());
             let lookups = lookups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));

@@ -11,7 +11,7 @@ use lumicache::camera::Projection;
 use lumicache::film::LAYERS;
 use lumicache::geometry::{Instance, TriangleMesh};
 use lumicache::import::{self, LightUnits, ies};
-use lumicache::light::{PunctualLight, Sky};
+use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::material::Material;
 use lumicache::math::{Affine3A, Color, Mat3, PI, Vec3};
 use lumicache::render::{IntegratorKind, Settings};
@@ -136,6 +136,87 @@ fn skies_and_smooth_normals_are_the_path_tracer_s() {
     data.environment = Some(map);
     data.punctual.extend(sun);
     assert_alike("sky and sun", &build(data), [24, 12], |_| ());
+}
+
+/// A room of 4 by 3 by 4 with a window of 1 by 1, under a sky and its sun, on a black ground. On
+/// its floor a `mirror` may lie where the sun shines.
+fn room_with_a_window(ground: f32, mirror: bool) -> SceneData {
+    let quad = |corner: Vec3, u: Vec3, v: Vec3, material| TriangleMesh {
+        positions: vec![corner, corner + u, corner + u + v, corner + v].into(),
+        indices: vec![[0, 1, 2], [0, 2, 3]].into(),
+        material,
+        ..TriangleMesh::default()
+    };
+    let at = Vec3::new;
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    let floor = quad(at(-2.0, 0.0, 2.0), 4.0 * x, -4.0 * z, 0);
+    let wall = Material {
+        base_color: Color::splat(0.7),
+        metallic: 0.0,
+        specular: 0.0,
+        double_sided: true,
+        ..Material::default()
+    };
+    let mut data =
+        scene_of(floor, wall.clone(), Vec3::new(1.8, 1.5, -1.8), Vec3::new(-1.0, 1.5, 2.0));
+    data.materials.push(Material { base_color: Color::ZERO, ..wall.clone() });
+    let polished = Material { metallic: 1.0, roughness: 0.0, ..wall.clone() };
+    data.materials.push(if mirror { polished } else { wall });
+    for mesh in [
+        quad(at(-2.0, 3.0, 2.0), 4.0 * x, -4.0 * z, 0),
+        quad(at(-2.0, 0.0, 2.0), 4.0 * x, 3.0 * y, 0),
+        quad(at(2.0, 0.0, 2.0), -4.0 * z, 3.0 * y, 0),
+        quad(at(-2.0, 0.0, 2.0), -4.0 * z, 3.0 * y, 0),
+        // The wall with the window: below, above and beside it.
+        quad(at(-2.0, 0.0, -2.0), 4.0 * x, 1.0 * y, 0),
+        quad(at(-2.0, 2.0, -2.0), 4.0 * x, 1.0 * y, 0),
+        quad(at(-2.0, 1.0, -2.0), 1.5 * x, 1.0 * y, 0),
+        quad(at(0.5, 1.0, -2.0), 1.5 * x, 1.0 * y, 0),
+        quad(at(-0.5, 0.01, 0.2), 1.5 * x, -1.5 * z, 2),
+        quad(at(-ground, -0.5, ground), 2.0 * ground * x, -2.0 * ground * z, 1),
+    ] {
+        let number = data.geometry.meshes.len() as u32;
+        data.geometry.meshes.push(Arc::new(mesh));
+        data.geometry.instances.push(Instance { mesh: number, to_world: Affine3A::IDENTITY });
+    }
+    // Dark below the horizon, where a small ground would let light pass.
+    let sky = [Color::ONE, Color::ZERO].map(|c| vec![c; 64 * 64]).concat();
+    data.environment = Some(EnvironmentMap {
+        width: 64,
+        height: 128,
+        pixels: sky,
+        scale: 1.0,
+        from_world: Affine3A::IDENTITY,
+    });
+    data.punctual = vec![PunctualLight::Directional {
+        direction: Vec3::new(0.2, -1.0, 1.0).normalize(),
+        irradiance: Color::splat(3.0),
+    }];
+    data
+}
+
+#[test]
+fn a_ground_plane_of_100_km_leaves_light_from_the_sky_alone() {
+    assert_alike("a room on a plane", &build(room_with_a_window(1e5, false)), [64, 8], |_| ());
+    // Sums over the pixels, of means and of their variances, with a caustic that light paths alone
+    // find.
+    let [small, large] = [3.0, 1e5].map(|ground| {
+        let scene = build(room_with_a_window(ground, true));
+        let run = |seed| {
+            let settings = Settings { seed, ..settings(&scene, IntegratorKind::Bdpt, SIZE, 32) };
+            render(&scene, &settings).film.radiance()
+        };
+        let runs: Vec<_> = (0..16).map(run).collect();
+        let pixel =
+            |k: usize| statistics(&runs.iter().map(|r| f64::from(r[k].x)).collect::<Vec<_>>());
+        let pixels = (0..runs[0].len()).map(pixel);
+        pixels.fold([0.0; 2], |sums, (mean, variance)| [sums[0] + mean, sums[1] + variance])
+    });
+    eprintln!("mean and variance: {small:?} on a small ground, {large:?} on a large one");
+    let error = (small[1] + large[1]).sqrt();
+    assert!((large[0] - small[0]).abs() < 6.0 * error, "{small:?} {large:?}");
+    assert!(6.0 * error < 0.2 * small[0], "the caustic, a third of all light, would be noise");
+    assert!(large[1] / small[1] < 2.0, "noise: {small:?} {large:?}");
 }
 
 #[test]

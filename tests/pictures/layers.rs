@@ -9,24 +9,28 @@ use lumicache::render::{IntegratorKind, Job};
 use lumicache::scene::{Scene, SceneData};
 use std::path::Path;
 
-/// Mean luminance-like value of each of the five parts of the beauty: the mean of all channels of
-/// all pixels.
-fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> Vec<(&'static str, f64)> {
+const PARTS: [&str; 5] =
+    ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
+/// Means are those over so many seeds.
+const SEEDS: u64 = 4;
+
+/// The five parts of the beauty: the mean of all channels of all pixels, over the seeds.
+fn parts(scene: &Scene, integrator: IntegratorKind, spp: u32) -> [f64; 5] {
+    let of_seeds = (0..SEEDS).map(|seed| parts_of(scene, integrator, spp, seed));
+    of_seeds
+        .fold([0.0; 5], |sums, parts| std::array::from_fn(|k| sums[k] + parts[k] / SEEDS as f64))
+}
+
+fn parts_of(scene: &Scene, integrator: IntegratorKind, spp: u32, seed: u64) -> [f64; 5] {
     let mut scheme = Preset::by_name("auto").unwrap().scheme();
     scheme.set("gather.rays", "400").unwrap();
     let job = Job::new(scene).scheme(scheme).integrator(integrator).size(40, 40).spp(spp);
-    let frame = job.max_bounces(3).seed(1).run().unwrap().frame;
+    let frame = job.max_bounces(3).seed(seed).run().unwrap().frame;
     let mean = |channels: Vec<Vec<f32>>| {
         let values = channels.iter().flatten();
         values.clone().map(|&v| f64::from(v)).sum::<f64>() / values.count() as f64
     };
-    let names =
-        ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
-    names
-        .map(|name| {
-            (name, mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))
-        })
-        .to_vec()
+    PARTS.map(|name| mean(frame.film.channels(LAYERS.iter().find(|l| l.name == name).unwrap())))
 }
 
 /// A Cornell box that is varnished all over: every surface has a diffuse and a glossy lobe.
@@ -43,11 +47,14 @@ fn assert_alike(data: SceneData) {
     let scene = Scene::new(data, Backend::default()).unwrap().0;
     let cached = parts(&scene, IntegratorKind::Cache, 32);
     let traced = parts(&scene, IntegratorKind::Path, 128);
-    for ((name, cached), (_, traced)) in cached.iter().zip(&traced) {
-        // Both means are good to about 1 %, that of faint gloss to 2 %; the cache may be biased by
-        // another.
+    for (k, name) in PARTS.iter().enumerate() {
+        let (cached, traced) = (cached[k], traced[k]);
+        // Faint gloss under the sky is the noisiest: four seeds of the path tracer give 0.0222,
+        // 0.0224, 0.0216 and 0.0217, four of the cache 0.0214, 0.0220, 0.0218 and 0.0217. Many
+        // samples give 0.0218. Of diffuse indirect light the cache has 1.6 % too much in the box,
+        // 0.7 % under the sky.
         assert!(
-            (cached / traced - 1.0).abs() < 0.05,
+            (cached / traced - 1.0).abs() < 0.035,
             "{name}: {cached} with the cache, {traced} without"
         );
     }
@@ -58,8 +65,8 @@ fn light_leaves_by_the_same_lobes_with_and_without_the_cache() {
     assert_alike(varnished_box());
 }
 
-#[test]
-fn so_does_the_light_of_a_sky_with_a_bright_spot() {
+/// A varnished box without its lamp, under a sky with bright spots.
+fn box_under_a_sky() -> SceneData {
     // The sky is seen through the open front; what light samples and directions of the surface find
     // of it must add up to the whole.
     let mut data = varnished_box();
@@ -76,5 +83,10 @@ fn so_does_the_light_of_a_sky_with_a_bright_spot() {
         scale: 1.0,
         from_world: Affine3A::IDENTITY,
     });
-    assert_alike(data);
+    data
+}
+
+#[test]
+fn so_does_the_light_of_a_sky_with_a_bright_spot() {
+    assert_alike(box_under_a_sky());
 }

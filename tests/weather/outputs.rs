@@ -59,14 +59,28 @@ fn no_output_takes_the_place_of_an_input() {
         fs::remove_file(desk.path("soft.exr")).unwrap();
         fs::remove_file(desk.path("hard.exr")).unwrap();
     }
-    // The same records under another name, and a joined file over one of its parts, are fine.
+    // The same records under another name are fine.
     desk.print(&[RENDER, QUICK, &["--cache-save", "new.lumi"]].concat());
-    desk.print(&["cache", "merge", "-o", "new.lumi", "new.lumi"]);
 }
 
 #[test]
-fn what_compare_and_report_write_is_not_what_they_read() {
+fn what_merge_compare_and_report_write_is_not_what_they_read() {
     let desk = furnished();
+    fs::copy(desk.path("old.lumi"), desk.path("second.lumi")).unwrap();
+    symlink("old.lumi", desk.path("soft.lumi")).unwrap();
+    fs::hard_link(desk.path("old.lumi"), desk.path("hard.lumi")).unwrap();
+    let before = fs::read(desk.path("old.lumi")).unwrap();
+    for output in ["old.lumi", "./old.lumi", "soft.lumi", "hard.lumi"] {
+        for files in [["old.lumi", "second.lumi"], ["second.lumi", "old.lumi"]] {
+            let merge = [&["cache", "merge", "-o", output], &files[..]].concat();
+            desk.fail(&merge, &[output, "input"]);
+            assert_eq!(fs::read(desk.path("old.lumi")).unwrap(), before, "{output} {files:?}");
+        }
+    }
+    desk.print(&["cache", "merge", "-o", "third.lumi", "old.lumi", "second.lumi"]);
+    // What stands there and is no input is replaced.
+    desk.print(&["cache", "merge", "-o", "third.lumi", "old.lumi"]);
+
     desk.print(&[RENDER, QUICK, &["-o", "a.exr"]].concat());
     symlink("a.exr", desk.path("a.png")).unwrap();
     desk.fail(&["compare", "a.exr", "a.exr", "--flip", "a.png"], &["a.png"]);
@@ -75,6 +89,17 @@ fn what_compare_and_report_write_is_not_what_they_read() {
     symlink("../cornell-box.bin", desk.path("report/index.html")).unwrap();
     let report = ["report", "cornell-box.gltf", "-o", "report", "--quiet"];
     desk.fail(&report, &["index.html", "input"]);
+    fs::remove_file(desk.path("report/index.html")).unwrap();
+    symlink("../a.exr", desk.path("report/index.html")).unwrap();
+    desk.fail(&[&report[..], &["--reference", "a.exr"]].concat(), &["index.html", "input"]);
+    fs::remove_file(desk.path("report/index.html")).unwrap();
+    // The reference of an earlier report in the same folder stays as it is.
+    let quick = ["--size", "16x12", "--records", "20", "--rays", "16", "--presets", "ward88"];
+    let report = [&report[..], &quick].concat();
+    desk.print(&[&report[..], &["--reference-rays", "32"]].concat());
+    let before = fs::read(desk.path("report/reference.exr")).unwrap();
+    desk.print(&[&report[..], &["--reference", "report/reference.exr"]].concat());
+    assert_eq!(fs::read(desk.path("report/reference.exr")).unwrap(), before);
 }
 
 #[test]
@@ -241,6 +266,35 @@ fn a_picture_larger_than_memory_is_an_error() {
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert!(error.contains("16384 x 16384") && error.contains("memory"), "{error}");
     assert!(error.lines().count() == 1 && desk.files().is_empty(), "{error}");
+}
+
+#[test]
+fn more_records_than_memory_holds_are_an_error() {
+    let desk = Desk::new();
+    // Records that keep the hits of all their rays.
+    let run = |kilobytes: u64, rays: u32| {
+        let command = format!(
+            "ulimit -v {kilobytes}; exec \"$0\" render {} --size 64x48 --threads 1 --quiet \
+             --preset krivanek05 --set glossy.bands=all --set glossy.hits=stored --set levels=1 \
+             --set gather.noise=0 --set radius.max_radius=0.01 --set radius.min_pixels=0.5 \
+             --max-bounces 1 --rays {rays} --prepass-only --cache-save a.lumi",
+            scene("metal-hall")
+        );
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &command, env!("CARGO_BIN_EXE_lumicache")]);
+        let output = shell.current_dir(desk.path(".")).stdin(Stdio::null()).output().unwrap();
+        (output.status.code(), text(&output.stderr))
+    };
+    // The least memory in which the program starts and keeps few rays.
+    let mut starts = (8..100).map(|k| 25_000 * k);
+    let least = starts.find(|limit| run(*limit, 16).0 == Some(0)).unwrap();
+    fs::remove_file(desk.path("a.lumi")).unwrap();
+    for more in [0, 100_000] {
+        let (code, error) = run(least + more, 4096);
+        assert_eq!(code, Some(1), "{least} + {more} kB: {error}");
+        assert!(error.contains("records of level 0: there is no memory"), "{error}");
+        assert!(error.lines().count() == 1 && desk.files().is_empty(), "{error}");
+    }
 }
 
 /// A number from 0 to 1 that looks random.

@@ -4,7 +4,7 @@ use crate::cache::payload::{DirectSamples, Irradiance, Payload};
 use crate::cache::record::{Envelope, RadiusRule, Record};
 use crate::cache::scheme::Contents;
 use crate::cache::store::{Behind, Rules};
-use crate::gather::{Density, HemisphereSamples, HitChange, Layout, RadianceProbe};
+use crate::gather::{Density, HemisphereSamples, HitChange, Layout, RadianceProbe, StoredHit};
 use crate::geometry::SurfacePoint;
 use crate::math::luminance;
 use crate::sampling::hash;
@@ -76,6 +76,13 @@ impl<'a, P: Payload> Gatherer<'a, P> {
             .with_light_paths(paths)
             .with_bright(bright)
             .with_change(change)
+    }
+
+    /// Bytes of the hits that a record keeps.
+    pub fn kept_bytes(&self) -> usize {
+        let scheme = self.rules.scheme;
+        let kept = P::HOLDS_RADIANCE && scheme.glossy().hits.are_kept();
+        if kept { scheme.layout(self.level).rays() * size_of::<StoredHit>() } else { 0 }
     }
 
     /// The record of a gather at `at`, which asks for `order` bands. `others` are the records so

@@ -5,11 +5,14 @@ use super::points::{FillStats, extent_of};
 use super::rounds::Filling;
 use crate::cache::payload::Irradiance;
 use crate::cache::store::Live;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_room};
 use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
 use crate::progress::Progress;
 use rayon::prelude::*;
+
+/// A batch with all late records takes so many times their memory while it is made.
+const JOINED: u64 = 4;
 
 impl Live {
     /// Makes late records until every point of `points` is covered. Any number of threads may do so
@@ -17,8 +20,8 @@ impl Live {
     /// at the same time may both make a record there.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and [`Error::InvalidArgument`] when the cache is frozen; nothing is
-    /// added then.
+    /// [`Error::Cancelled`], [`Error::OutOfMemory`], and [`Error::InvalidArgument`] when the cache
+    /// is frozen; nothing is added then.
     pub fn fill(
         &self, probe: &dyn RadianceProbe, mut points: Vec<SurfacePoint>, seed: u64,
         progress: &Progress,
@@ -43,6 +46,8 @@ impl Live {
         let gatherer = Gatherer::<Irradiance>::new(rules, probe, cache.behind(1), (), 0, seed);
         let mut filling = Filling::new(gatherer, Vec::new());
         filling.run(&points.into(), progress)?;
+        // Batches are joined by copying them.
+        check_room("late records", JOINED * base.late_bytes() as u64)?;
         self.add(&base, rules.store(0, filling.records));
         Ok(filling.stats)
     }

@@ -7,8 +7,8 @@ use super::rounds::Filling;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
 use crate::cache::record::Record;
 use crate::cache::scheme::Placement;
-use crate::cache::store::{Cache, Store};
-use crate::error::{Error, Result};
+use crate::cache::store::{Cache, Level, Store};
+use crate::error::{Error, Result, check_room};
 use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
 use crate::math::Vec3;
@@ -111,7 +111,8 @@ impl Cache {
     /// returns for each point how many records of its kind existed when it was visited.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the levels have the records so far then.
+    /// [`Error::Cancelled`]; the levels have the records so far then. [`Error::OutOfMemory`]; the
+    /// level that was being filled has the records of before.
     pub fn fill_levels(
         &mut self, world: &dyn World, points: &[ShadingPoint], plan: &FillPlan,
         report: &mut FillReport, progress: &Progress,
@@ -122,6 +123,9 @@ impl Cache {
             // Light without bounces has nothing to cache.
             return Ok(births);
         }
+        // The points of a level stand in two lists, and once more while it is filled.
+        let bytes = 4 * size_of_val(points) as u64;
+        check_room(format_args!("{} shading points", points.len()), bytes)?;
         let places: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
         self.settle(&places);
         world.prepare(&places, plan.seed);
@@ -223,14 +227,15 @@ impl Cache {
     /// them. The same arguments give the same records on any number of threads.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level has the records so far then.
+    /// [`Error::Cancelled`]; the level has the records so far then. [`Error::OutOfMemory`]; the
+    /// level has the records of before.
     pub fn fill(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints, seed: u64,
         progress: &Progress,
     ) -> Result<FillStats> {
         self.settle(&points.points);
         let gatherer = Gatherer::new(self.rules(), probe, self.behind(level + 1), (), level, seed);
-        let before = self.records(level).to_vec();
+        let before = copied(level, self.level(level).map(Level::irradiance))?;
         let (store, stats) = extend::<Irradiance>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].irradiance = Arc::new(store);
@@ -243,7 +248,8 @@ impl Cache {
     /// level has no radiance cache.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; the level has the records so far then.
+    /// [`Error::Cancelled`]; the level has the records so far then. [`Error::OutOfMemory`]; the
+    /// level has the records of before.
     pub fn fill_radiance(
         &mut self, probe: &dyn RadianceProbe, reflector: Option<&dyn Reflector>, level: u8,
         points: &LevelPoints, seed: u64, progress: &Progress,
@@ -252,7 +258,7 @@ impl Cache {
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
         };
-        let before = self.radiance_records(level).to_vec();
+        let before = copied(level, self.level(level).and_then(Level::radiance))?;
         let (store, stats) = extend::<Harmonics>(gatherer, before, points, progress);
         if let Some(store) = store {
             self.levels[usize::from(level)].radiance = Some(Arc::new(store));
@@ -282,13 +288,14 @@ impl Cache {
     /// Gathers do not see the level meanwhile.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], and the level has the records so far then; [`Error::InvalidArgument`]
-    /// if points and appearances are not of one length or the level is not filled.
+    /// [`Error::Cancelled`], and the level has the records so far then; [`Error::OutOfMemory`], and
+    /// the level has no records then; [`Error::InvalidArgument`] if points and appearances are not
+    /// of one length or the level is not filled.
     pub fn refine(
         &mut self, probe: &dyn RadianceProbe, level: u8, points: &LevelPoints,
         appearances: &Appearances, seed: u64, progress: &Progress,
     ) -> Result<FillStats> {
-        let records = self.records(level).to_vec();
+        let records = copied(level, self.level(level).map(Level::irradiance))?;
         if records.is_empty() && !points.points.is_empty() {
             let what = format!("level {level} cannot be refined before it is filled");
             return Err(Error::InvalidArgument(what));
@@ -314,7 +321,7 @@ impl Cache {
         let Some(gatherer) = self.radiance_gatherer(probe, reflector, level, seed) else {
             return Ok(FillStats::default());
         };
-        let records = self.radiance_records(level).to_vec();
+        let records = copied(level, self.level(level).and_then(Level::radiance))?;
         let (store, stats) = refine(gatherer, records, points, appearances, progress)?;
         self.levels[usize::from(level)].radiance = Some(Arc::new(store));
         stats
@@ -359,8 +366,19 @@ fn extend<P: Payload>(
     let mut filling = Filling::new(gatherer, before);
     let end = filling.run(points, progress);
     let Filling { records, stats, .. } = filling;
+    if let Err(error @ Error::OutOfMemory(_)) = end {
+        return (None, Err(error));
+    }
     let store = (records.len() > count).then(|| gatherer.rules.store(gatherer.level, records));
     (store, end.map(|()| stats))
+}
+
+/// The records of a store of `level`, which stay where they are until others take their place.
+fn copied<P: Payload>(level: u8, store: Option<&Store<P>>) -> Result<Vec<Record<P>>> {
+    let Some(store) = store else { return Ok(Vec::new()) };
+    // What finds them is made anew, too.
+    check_room(format_args!("the records of level {level}"), 2 * store.bytes() as u64)?;
+    Ok(store.records().to_vec())
 }
 
 fn level_points(chosen: &[ShadingPoint], round: usize) -> LevelPoints {

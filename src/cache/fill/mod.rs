@@ -11,4 +11,4 @@ mod levels;
 mod late;
 
 pub use levels::{FillPlan, FillReport, Towards, World};
-pub use points::{Appearances, FillStats, LevelPoints, ShadingPoint, VIEWED, extent, scattered};
+pub use points::{Appearances, FillStats, LevelPoints, ShadingPoint, VIEWED, scattered};

@@ -1,8 +1,7 @@
 //! The shading points of a level, and what the fill did for them.
 
 use crate::cache::payload::{Appearance, Lobes};
-use crate::geometry::SurfacePoint;
-use crate::math::Vec3;
+use crate::geometry::{SurfacePoint, extent, median_length};
 use crate::sampling::{hash, stream};
 
 /// The shading points of one level, in the order in which they are visited.
@@ -53,33 +52,10 @@ pub fn scattered(points: &[SurfacePoint], seed: u64) -> Vec<SurfacePoint> {
     order.into_iter().map(|i| points[i as usize]).collect()
 }
 
-/// The extent of what `n` points show, point i being `at(i)`: the middle distance between two of
-/// them times 2.125, which for a closed room is about its diagonal. The median over pairs of points
-/// does not notice what few of them lie on, be it a ground plane of a hundred kilometres, and
-/// neither a motion of the scene nor its unit of length changes what is a share of it. `None` where
-/// the points coincide.
-pub fn extent(n: usize, at: impl Fn(usize) -> Vec3) -> Option<f32> {
-    const PAIRS: usize = 4096;
-    const WIDENING: f32 = 2.125;
-    let count = n.min(PAIRS);
-    let pair = |k: usize| {
-        let other = hash(&[k as u64, stream::ORDER]) % n as u64;
-        (at(k * n / count) - at(other as usize)).length()
-    };
-    Some(WIDENING * median((0..count).map(pair))?)
-}
-
 /// The extent of what `points` show. Those that coincide tell of it by their footprint.
 pub(in crate::cache) fn extent_of(points: &[SurfacePoint]) -> f32 {
-    let by_footprint = || Some(median(points.iter().map(|p| p.footprint))? / VIEWED);
+    let by_footprint = || Some(median_length(points.iter().map(|p| p.footprint))? / VIEWED);
     extent(points.len(), |i| points[i].position).or_else(by_footprint).unwrap_or(1.0)
-}
-
-/// The median of the lengths that are positive and finite.
-fn median(lengths: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut lengths: Vec<f32> = lengths.filter(|l| l.is_finite() && *l > 0.0).collect();
-    let middle = lengths.len() / 2;
-    (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// Width of a pixel as a share of the extent, where points tell of nothing else.

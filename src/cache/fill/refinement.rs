@@ -16,10 +16,11 @@ use super::weber::{Candidate, Proposal, Weber};
 use crate::cache::payload::{Payload, Seen};
 use crate::cache::record::{RadiusRule, Record};
 use crate::cache::store::Store;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_room};
 use crate::gather::LobeCoefficients;
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A record's share in the light of one shading point.
 #[derive(Clone, Copy)]
@@ -37,6 +38,9 @@ struct Contribution {
 
 /// Fractions of the queue that decide one after the other.
 const FRACTIONS: usize = 16;
+/// Records whose contributions are looked for at once.
+const ATTACHED: usize = 1024;
+
 /// The points and what they look like.
 struct View<'a, P: Payload> {
     points: &'a LevelPoints,
@@ -65,7 +69,8 @@ struct Convergence<'a, P: Payload> {
 /// latter is [`Error::Cancelled`] where the former are only the records so far.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] if points and appearances are not of one length.
+/// [`Error::InvalidArgument`] if points and appearances are not of one length,
+/// [`Error::OutOfMemory`].
 pub(super) fn refine<'a, P: Payload>(
     gatherer: Gatherer<'a, P>, records: Vec<Record<P>>, points: &'a LevelPoints,
     appearances: &'a Appearances<'a>, progress: &Progress,
@@ -75,8 +80,15 @@ pub(super) fn refine<'a, P: Payload>(
         let what = format!("{p} shading points cannot have {a} appearances");
         return Err(Error::InvalidArgument(what));
     }
-    let mut convergence = Convergence::new(Filling::resume(gatherer, records), points, appearances);
+    let each = size_of::<Vec<Contribution>>() + 2 * size_of::<u32>() + size_of::<[bool; 3]>();
+    let count = points.points.len();
+    check_room(format_args!("{count} points that are refined"), (count * each) as u64)?;
+    let filling = Filling::resume(gatherer, records);
+    let mut convergence = Convergence::new(filling, points, appearances)?;
     let end = convergence.run(progress);
+    if let Err(error @ Error::OutOfMemory(_)) = end {
+        return Err(error);
+    }
     let Filling { records, stats, .. } = convergence.filling;
     Ok((gatherer.rules.store(gatherer.level, records), end.map(|()| stats)))
 }
@@ -84,7 +96,7 @@ pub(super) fn refine<'a, P: Payload>(
 impl<'a, P: Payload> Convergence<'a, P> {
     fn new(
         filling: Filling<'a, P>, points: &'a LevelPoints, appearances: &'a Appearances<'a>,
-    ) -> Self {
+    ) -> Result<Self> {
         let gatherer = &filling.gatherer;
         let (count, rules) = (points.points.len(), gatherer.rules);
         let (context, rule, in_front) = (gatherer.context, gatherer.rule, rules.in_front());
@@ -97,8 +109,8 @@ impl<'a, P: Payload> Convergence<'a, P> {
             given: vec![false; count],
             filling,
         };
-        convergence.attach(0, &mut PointSet::new(count));
-        convergence
+        convergence.attach(0, &mut PointSet::new(count))?;
+        Ok(convergence)
     }
 
     /// Pass after pass, until one changes nothing.
@@ -175,7 +187,7 @@ impl<'a, P: Payload> Convergence<'a, P> {
             let lengths: Vec<f32> = self.filling.records.iter().map(|r| r.length).collect();
             let chosen = self.filling.choose(&self.view.points.points, &pending);
             let LevelPoints { points, orders, .. } = self.view.points;
-            self.filling.make_records(points, orders, &chosen, progress);
+            self.filling.make_records(points, orders, &chosen, progress)?;
             chosen.iter().for_each(|&p| self.given[p as usize] = true);
             self.changes.resize(self.filling.records.len(), 0);
             for (id, &length) in lengths.iter().enumerate() {
@@ -186,15 +198,23 @@ impl<'a, P: Payload> Convergence<'a, P> {
                     self.locator.within(record.position, radius, |p| stale.insert(p));
                 }
             }
-            self.attach(lengths.len(), stale);
+            self.attach(lengths.len(), stale)?;
         }
     }
 
     /// Adds the contributions of the records from number `first` on to the points in their areas,
     /// which become stale.
-    fn attach(&mut self, first: usize, stale: &mut PointSet) {
+    fn attach(&mut self, first: usize, stale: &mut PointSet) -> Result<()> {
+        let count = self.filling.records.len();
+        (first..count)
+            .step_by(ATTACHED)
+            .try_for_each(|begin| self.attach_some(begin..count.min(begin + ATTACHED), stale))
+    }
+
+    /// The same for the records with these numbers.
+    fn attach_some(&mut self, which: Range<usize>, stale: &mut PointSet) -> Result<()> {
         let (records, view) = (&self.filling.records, &self.view);
-        let found: Vec<Vec<(u32, Contribution)>> = (first..records.len())
+        let found: Vec<Vec<(u32, Contribution)>> = which
             .into_par_iter()
             .map_init(LobeCoefficients::default, |scratch, id| {
                 let (record, changes, mut found) = (&records[id], self.changes[id], Vec::new());
@@ -206,10 +226,14 @@ impl<'a, P: Payload> Convergence<'a, P> {
                 found
             })
             .collect();
+        let full = |_| Error::OutOfMemory("refinement: the memory is full".to_owned());
         for (p, contribution) in found.into_iter().flatten() {
-            self.lists[p as usize].push(contribution);
+            let list = &mut self.lists[p as usize];
+            list.try_reserve(1).map_err(full)?;
+            list.push(contribution);
             stale.insert(p);
         }
+        Ok(())
     }
 
     /// Brings the lists of `points` up to date.

@@ -7,7 +7,7 @@ use crate::cache::payload::Payload;
 use crate::cache::record::{Envelope, Record, clamp_to_neighbours};
 use crate::cache::scheme::Outline;
 use crate::cache::store::Index;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_room};
 use crate::geometry::SurfacePoint;
 use crate::math::{Vec3, luminance};
 use crate::progress::Progress;
@@ -28,6 +28,10 @@ const BATCH: usize = 256;
 const OPTIMISM: f32 = 1.4;
 /// A noisy record is gathered again with this multiple of the rays.
 const MORE_RAYS: u32 = 4;
+/// An index is made of lists that are as large as itself, while the one before still stands.
+const INDEXES: usize = 3;
+/// Bytes that stay free for what does not grow with the number of records.
+const SMALL: usize = 1 << 26;
 
 /// The records of one kind on one level while it fills.
 pub(super) struct Filling<'a, P: Payload> {
@@ -145,7 +149,7 @@ impl<'a, P: Payload> Filling<'a, P> {
                 return Ok(());
             }
             let chosen = self.choose(points, &pending);
-            self.make_records(points, orders, &chosen, progress);
+            self.make_records(points, orders, &chosen, progress)?;
             self.reindex(false);
             // A point that was given a record is done, whatever the index says of it.
             pending.retain(|i| chosen.binary_search(i).is_err());
@@ -202,9 +206,13 @@ impl<'a, P: Payload> Filling<'a, P> {
     /// Makes a record at each point of `chosen`, in its order, and clamps the lengths of all
     /// records to each other. `orders` are those that the points ask for, if they ask for any. Once
     /// the work is cancelled, the points that have none yet get none.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], before any record is made.
     pub fn make_records(
         &mut self, points: &[SurfacePoint], orders: &[u8], chosen: &[u32], progress: &Progress,
-    ) {
+    ) -> Result<()> {
+        self.reserve(chosen.len())?;
         let order = |i: u32| orders.get(i as usize).copied().unwrap_or(0);
         let others = (&self.records[..], &self.envelope);
         let make = |samples: &mut _, &i: &u32| {
@@ -224,6 +232,24 @@ impl<'a, P: Payload> Filling<'a, P> {
             self.origins.push((made.origin, order(i)));
         }
         self.settle();
+        Ok(())
+    }
+
+    /// Makes sure that there is memory for `more` records and for what finds them.
+    fn reserve(&mut self, more: usize) -> Result<()> {
+        let count = self.records.len() + more;
+        let mean = |bytes: usize| bytes.div_ceil(self.records.len().max(1));
+        let held = mean(self.records.iter().map(|r| r.payload.heap_bytes()).sum());
+        let held = held.max(self.gatherer.kept_bytes());
+        let indexed = mean(self.index.bytes() + self.fresh.bytes());
+        // Each new one twice, for those of a round wait in a list of their own.
+        let made = size_of::<Gathered<P>>() + size_of::<(SurfacePoint, u8)>() + held;
+        let bytes = 2 * more * made + INDEXES * count * indexed + SMALL;
+        let what = format!("{count} records of level {}", self.gatherer.level);
+        check_room(&what, bytes as u64)?;
+        let full = |_| Error::memory(&what, bytes as u64);
+        self.records.try_reserve(more).map_err(full)?;
+        self.origins.try_reserve(more).map_err(full)
     }
 
     /// Tells all records of each other, after some were made.

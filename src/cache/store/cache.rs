@@ -64,7 +64,7 @@ impl Cache {
     }
 
     /// The length that radii and errors are relative to, 0 until there are points: the extent of
-    /// the first points that the cache was filled for ([`extent`](crate::cache::extent)).
+    /// the first points that the cache was filled for ([`extent`](crate::geometry::extent)).
     pub fn extent(&self) -> f32 {
         self.extent
     }

@@ -81,7 +81,12 @@ impl Snapshot {
 
     /// Bytes that records and indexes occupy.
     pub fn bytes(&self) -> usize {
-        self.cache.bytes() + self.late.iter().map(|l| l.bytes()).sum::<usize>()
+        self.cache.bytes() + self.late_bytes()
+    }
+
+    /// The same of the late records.
+    pub(in crate::cache) fn late_bytes(&self) -> usize {
+        self.late.iter().map(|l| l.bytes()).sum()
     }
 
     /// The cache with the late records among those of its first level.

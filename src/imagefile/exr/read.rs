@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::fsutil;
+use crate::imagefile::guard::guarded;
 use crate::imagefile::picture::{Attribute, Channel, Crop, Picture, SampleKind};
 use ::exr::image::{AnyChannels, FlatImage, FlatSamples, Layer};
 use ::exr::meta::MetaData;
@@ -49,6 +50,10 @@ pub fn read_bytes(bytes: &[u8]) -> std::result::Result<Picture, String> {
 pub(in crate::imagefile) fn read_bytes_within(
     bytes: &[u8], most: u64,
 ) -> std::result::Result<Picture, String> {
+    guarded(|| decode(bytes, most))
+}
+
+fn decode(bytes: &[u8], most: u64) -> std::result::Result<Picture, String> {
     let meta =
         MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| not_readable(&e))?;
     check(&meta.headers, bytes.len() as u64, most)?;
@@ -58,6 +63,8 @@ pub(in crate::imagefile) fn read_bytes_within(
         .all_channels()
         .all_layers()
         .all_attributes()
+        // A panic on threads of the crate's own would hang or end the process.
+        .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(|e| not_readable(&e))?;
     let first = meta.headers.first().ok_or("has no parts")?;

@@ -189,7 +189,7 @@ impl Bidirectional<'_> {
     /// Density per area of a surface vertex for a light path that starts at `end` along
     /// `direction`.
     fn ray_density(&self, vertex: &Vertex, end: &LightEnd, direction: Vec3) -> f64 {
-        let density = self.emission.ray_density(end, direction);
+        let density = self.emission.ray_density(end, direction, vertex.point.position);
         if end.distant {
             vertex.per_area_of_parallel(density, direction)
         } else {

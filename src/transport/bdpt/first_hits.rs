@@ -3,7 +3,7 @@
 use super::light_walk::{Follower, walk_from_light};
 use super::vertex::Vertex;
 use crate::geometry::SurfacePoint;
-use crate::light::EmissionSampler;
+use crate::light::{EmissionSampler, Focus};
 use crate::math::{Vec3, luminance};
 use crate::transport::path::PathTracer;
 
@@ -24,9 +24,10 @@ struct Waiting {
 }
 
 impl<'a> FirstHits<'a> {
-    /// Of the lights of `tracer`'s scene.
-    pub fn new(tracer: PathTracer<'a>) -> Self {
-        let emission = EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds());
+    /// Of the lights of `tracer`'s scene; light from infinity is wanted at the focus.
+    pub fn new(tracer: PathTracer<'a>, focus: Option<Focus>) -> Self {
+        let emission =
+            EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds()).aimed_at(focus);
         Self { tracer, emission }
     }
 

@@ -6,7 +6,7 @@ use super::vertex::Vertex;
 use crate::accel::Ray;
 use crate::gather::{Bundle, Joint};
 use crate::geometry::SurfacePoint;
-use crate::light::EmissionSampler;
+use crate::light::{EmissionSampler, Focus};
 use crate::material::Bsdf;
 use crate::math::{Color, Vec3};
 use crate::sampling::{LONGEST_PATH, hash, stream};
@@ -21,13 +21,13 @@ const GRAZING: f32 = 1e-3;
 /// Whether light comes to the point x of a gather from y on the way of a ray from x, or on that of
 /// a light path that visits y, is decided by weights that depend on x and y alone: `p/(p + q)` for
 /// rays, p being their density per area at y, and `q/(p + q)` for light paths, with q one path for
-/// each so much of the scene's surface. They sum to one whatever lies behind y, so that rays may
+/// each so much of that surface. They sum to one whatever lies behind y, so that rays may
 /// end in caches there. They take away, too, what makes joints of near points bright. Only surfaces
 /// without gloss take part: light paths cannot be joined to mirrors.
 pub(in crate::transport) struct LightPaths<'a> {
     tracer: PathTracer<'a>,
     emission: EmissionSampler<'a>,
-    /// Area of the scene's surface, estimated.
+    /// Area of the surface that gathers see, estimated.
     area: f32,
 }
 
@@ -46,14 +46,16 @@ fn joinable(bsdf: &Bsdf) -> bool {
 }
 
 impl<'a> LightPaths<'a> {
-    /// Of the lights of `tracer`'s scene.
-    pub fn new(tracer: PathTracer<'a>) -> Self {
+    /// Of the lights of `tracer`'s scene, for gathers in the focus.
+    pub fn new(tracer: PathTracer<'a>, focus: Option<Focus>) -> Self {
         let bounds = tracer.scene.bounds();
         let size = if bounds.is_empty() { Vec3::ONE } else { bounds.max - bounds.min };
         let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+        // The walls of the cube in the focus: surfaces far from there say nothing of its own.
+        let walls = focus.map_or(walls, |focus| walls.min(8.0 * focus.radius * focus.radius));
         Self {
             tracer,
-            emission: EmissionSampler::new(tracer.scene.lights(), bounds),
+            emission: EmissionSampler::new(tracer.scene.lights(), bounds).aimed_at(focus),
             area: walls.max(f32::MIN_POSITIVE),
         }
     }

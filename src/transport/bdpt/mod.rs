@@ -59,7 +59,9 @@ impl<'a> Bidirectional<'a> {
     /// For the scene of `tracer`, with its bound on paths, and the pixels of `window` (x0, y0, x1,
     /// y1, ends excluded) of an image of `size` pixels.
     pub fn new(tracer: PathTracer<'a>, camera: Camera, size: [u32; 2], window: [u32; 4]) -> Self {
-        let emission = EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds());
+        let focus = tracer.focus_of(&camera, size, window);
+        let emission =
+            EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds()).aimed_at(focus);
         Self { tracer, camera, size, window, emission }
     }
 

@@ -7,7 +7,7 @@ use super::{Bidirectional, Workspace};
 use crate::accel::Backend;
 use crate::camera::{Camera, Projection};
 use crate::geometry::{Geometry, Instance, TriangleMesh};
-use crate::light::{EnvironmentMap, PunctualLight};
+use crate::light::{EmissionSampler, EnvironmentMap, Focus, PunctualLight};
 use crate::material::Material;
 use crate::math::{Affine3A, Color, Vec3};
 use crate::scene::{Scene, SceneData};
@@ -85,6 +85,15 @@ fn onward(v: &Vertex, from: Vec3, to: Vec3) -> f32 {
 
 #[test]
 fn densities_are_those_of_the_paths_and_weights_sum_to_one() {
+    check(None);
+}
+
+#[test]
+fn so_they_are_where_light_from_infinity_is_aimed() {
+    check(Some(Focus { center: Vec3::new(0.3, -0.5, 0.2), radius: 0.6 }));
+}
+
+fn check(focus: Option<Focus>) {
     let scene = scene();
     let camera = Camera {
         name: String::new(),
@@ -95,7 +104,8 @@ fn densities_are_those_of_the_paths_and_weights_sum_to_one() {
     };
     let size = [16, 16];
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
-    let bdpt = Bidirectional::new(tracer, camera.clone(), size, [0, 0, 16, 16]);
+    let mut bdpt = Bidirectional::new(tracer, camera.clone(), size, [0, 0, 16, 16]);
+    bdpt.emission = EmissionSampler::new(scene.lights(), scene.bounds()).aimed_at(focus);
     let mut work = Workspace::default();
     let mut kinds = [0; 4];
     for index in 0..2400 {
@@ -125,10 +135,13 @@ fn densities_are_those_of_the_paths_and_weights_sum_to_one() {
                 let next = |i: usize| if i + 1 < path.len() { at(i + 1) } else { eye };
                 for (i, v) in path.iter().enumerate() {
                     let from_light = match i {
-                        0 if end.distant => {
-                            v.per_area_of_parallel(bdpt.emission.ray_density(&end, start), start)
+                        0 if end.distant => v.per_area_of_parallel(
+                            bdpt.emission.ray_density(&end, start, at(0)),
+                            start,
+                        ),
+                        0 => {
+                            v.per_area(bdpt.emission.ray_density(&end, start, at(0)), end.position)
                         }
-                        0 => v.per_area(bdpt.emission.ray_density(&end, start), end.position),
                         _ => {
                             let before = &path[i - 1];
                             let from = if i == 1 { -start } else { towards(at(i - 1), at(i - 2)) };

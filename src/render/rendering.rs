@@ -30,7 +30,7 @@ impl Default for Output {
 }
 
 /// A rendered picture.
-pub struct Picture<'a> {
+pub struct Rendering<'a> {
     /// The pixels and the caches.
     pub frame: Frame,
     /// What was rendered.
@@ -42,7 +42,7 @@ pub struct Picture<'a> {
     threads: usize,
 }
 
-impl<'a> Picture<'a> {
+impl<'a> Rendering<'a> {
     pub(super) fn new(
         scene: &'a Scene, frame: Frame, settings: Settings, clock: Clock, output: Output,
     ) -> Self {
