@@ -32,37 +32,100 @@ impl Dice {
 
 /// What numbers of files are when they are wrong.
 const EXTREMES: [f64; 16] = [
-    0.0, -0.0, 1.0, -1.0, 0.5, 1e-45, 1e-30, 1e10, 1e19, 3.4e38, -3.4e38, 1e39, 1e308, 255.0,
-    4_294_967_295.0, 65_536.0,
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    1e-45,
+    1e-30,
+    1e10,
+    1e19,
+    3.4e38,
+    -3.4e38,
+    1e39,
+    1e308,
+    255.0,
+    4_294_967_295.0,
+    65_536.0,
 ];
 
-/// Changes one place of `value`: a number becomes another, a member goes, comes twice or changes
-/// places with its neighbour.
-pub fn change(value: &mut Value, dice: &mut Dice) {
+/// Words that mean something in the files that are read.
+const WORDS: [&str; 28] = [
+    "SCALAR",
+    "VEC2",
+    "VEC3",
+    "VEC4",
+    "MAT2",
+    "MAT4",
+    "OPAQUE",
+    "MASK",
+    "BLEND",
+    "point",
+    "spot",
+    "directional",
+    "perspective",
+    "orthographic",
+    "LINEAR",
+    "STEP",
+    "CUBICSPLINE",
+    "translation",
+    "rotation",
+    "scale",
+    "weights",
+    "image/png",
+    "image/jpeg",
+    "phong",
+    "ward",
+    "ATTRIBUTES",
+    "OCTAHEDRAL",
+    "x",
+];
+
+/// A part of `value`.
+fn part<'a>(value: &'a Value, dice: &mut Dice) -> &'a Value {
+    let next = match value {
+        Value::Object(members) => members.values().nth(dice.below(members.len())),
+        Value::Array(items) => items.get(dice.below(items.len())),
+        _ => None,
+    };
+    next.filter(|_| dice.below(5) > 0).map_or(value, |inner| part(inner, dice))
+}
+
+/// Changes one place of `value`: a number or a word becomes another, a member goes, comes twice or
+/// changes places with its neighbour, or a part of `other` comes there.
+pub fn change(value: &mut Value, other: &Value, dice: &mut Dice) {
     match value {
         Value::Object(members) if !members.is_empty() && dice.below(8) > 0 => {
             let key = members.keys().nth(dice.below(members.len())).expect("one of them").clone();
-            match dice.below(12) {
+            match dice.below(16) {
                 0 => {
                     members.remove(&key);
                 }
                 1 => {
-                    let other = members.keys().nth(dice.below(members.len())).expect("one").clone();
-                    let copy = members[&other].clone();
+                    let twin = members.keys().nth(dice.below(members.len())).expect("one").clone();
+                    let copy = members[&twin].clone();
                     members.insert(key, copy);
                 }
-                _ => change(&mut members[&key], dice),
+                2 => {
+                    if let Value::Object(theirs) = part(other, dice)
+                        && let Some((key, inner)) = theirs.iter().nth(dice.below(theirs.len()))
+                    {
+                        members.insert(key.clone(), inner.clone());
+                    }
+                }
+                _ => change(&mut members[&key], other, dice),
             }
         }
         Value::Array(items) if !items.is_empty() && dice.below(8) > 0 => {
-            let (at, other) = (dice.below(items.len()), dice.below(items.len()));
-            match dice.below(12) {
+            let (at, twin) = (dice.below(items.len()), dice.below(items.len()));
+            match dice.below(16) {
                 0 => {
                     items.remove(at);
                 }
-                1 => items.insert(at, items[other].clone()),
-                2 => items.swap(at, other),
-                _ => change(&mut items[at], dice),
+                1 => items.insert(at, items[twin].clone()),
+                2 => items.swap(at, twin),
+                _ => change(&mut items[at], other, dice),
             }
         }
         Value::Number(number) => {
@@ -74,6 +137,8 @@ pub fn change(value: &mut Value, dice: &mut Dice) {
             };
         }
         Value::Bool(b) => *b = !*b,
+        Value::String(_) if dice.below(8) > 0 => *value = json!(WORDS[dice.below(WORDS.len())]),
+        _ if dice.below(2) > 0 => *value = part(other, dice).clone(),
         _ => {
             let kinds = [json!(null), json!(-1), json!(1e39), json!("x"), json!([]), json!({})];
             *value = kinds[dice.below(kinds.len())].clone();

@@ -4,7 +4,9 @@
 
 use libfuzzer_sys::{fuzz_mutator, fuzz_target, fuzzer_mutate};
 use lumicache::cache::{CacheFile, Preset};
+use lumicache::geometry::SurfacePoint;
 use lumicache_fuzz::{Dice, change, replace};
+use serde_json::Value;
 use std::path::Path;
 
 /// Bytes before the header, and of the checksum.
@@ -15,8 +17,9 @@ const CHECKSUM: usize = 32;
 fn other_header(file: &[u8], dice: &mut Dice) -> Option<Vec<u8>> {
     let length = u64::from_le_bytes(file.get(16..FIXED)?.try_into().ok()?) as usize;
     let end = FIXED.checked_add(length)?;
-    let mut header = serde_json::from_slice(file.get(FIXED..end)?).ok()?;
-    change(&mut header, dice);
+    let old: Value = serde_json::from_slice(file.get(FIXED..end)?).ok()?;
+    let mut header = old.clone();
+    change(&mut header, &old, dice);
     let header = header.to_string().into_bytes();
     let length = (header.len() as u64).to_le_bytes();
     Some([&file[..16], &length, &header, &file[end..]].concat())
@@ -41,7 +44,20 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(file) = CacheFile::from_bytes(bytes, path) else { return };
     let again = CacheFile::from_bytes(&file.to_bytes(), path).expect("what was written loads");
     assert_eq!(again.record_count(), file.record_count());
-    let Ok(preset) = Preset::by_name("tabellion04") else { return };
-    let origin = lumicache::cache::Origin { ..file.origin.clone() };
-    let _ = file.into_cache(preset.scheme(), &origin, true, path);
+    let names = ["auto", "tabellion04", "krivanek05", "schwarzhaupt12"];
+    let preset = Preset::by_name(names[file.record_count() % names.len()]).expect("a preset");
+    let places: Vec<Vec<_>> = file
+        .levels
+        .iter()
+        .map(|records| records.iter().take(16).map(|r| (r.position, r.normal)).collect())
+        .collect();
+    let origin = file.origin.clone();
+    let Ok(cache) = file.into_cache(preset.scheme(), &origin, true, path) else { return };
+    for (level, places) in (0..).zip(places) {
+        for (position, normal) in places {
+            let at = SurfacePoint::plain(position, normal);
+            let answer = cache.lookup(level, &at, u32::MAX);
+            assert!(answer.is_none_or(|a| a.irradiance.is_finite()));
+        }
+    }
 });

@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use lumicache::capi::*;
-use std::ffi::CString;
+use std::ffi::{CString, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::OnceLock;
 
@@ -35,9 +35,23 @@ impl Input<'_> {
     }
 
     fn text(&mut self) -> CString {
-        const WORDS: [&str; 10] = [
-            "auto", "ward88", "krivanek05", "gather.rays", "validity.error", "quality", "levels",
-            "deeper_points", "radius.max_radius", "no such word",
+        const WORDS: [&str; 16] = [
+            "auto",
+            "ward88",
+            "krivanek05",
+            "tabellion04",
+            "schwarzhaupt12",
+            "gather.rays",
+            "validity.error",
+            "quality",
+            "levels",
+            "deeper_points",
+            "radius.max_radius",
+            "contents",
+            "direct-and-indirect",
+            "diffuse_indirect",
+            "N",
+            "no such word",
         ];
         CString::new(WORDS[usize::from(self.byte()) % WORDS.len()]).expect("no NUL")
     }
@@ -70,6 +84,24 @@ fn device() -> lumi_device {
     }) as lumi_device
 }
 
+/// A floor one unit below every ray that goes down, and sometimes nonsense.
+unsafe extern "C" fn floor(_: *mut c_void, batch: *mut lumi_ray_batch) -> i32 {
+    // SAFETY: the library hands a batch whose arrays are as long as it says.
+    unsafe {
+        let batch = &*batch;
+        for i in 0..batch.n as usize {
+            let down = -*batch.dir.add(3 * i + 2);
+            if down > 0.0 {
+                *batch.distance.add(i) = 1.0 / down;
+                *batch.normal.add(3 * i + 2) = 1.0;
+                *batch.radiance.add(3 * i) = *batch.seed.add(i) as f32 / 1e9;
+                *batch.albedo.add(3 * i) = 0.5;
+            }
+        }
+    }
+    0
+}
+
 /// Handles that the sequence has seen, released ones too.
 #[derive(Default)]
 struct Handles {
@@ -81,14 +113,20 @@ impl Handles {
     fn scene(&self, input: &mut Input) -> lumi_scene {
         let k = usize::from(input.byte());
         // One in many is no scene at all.
-        if k > 250 { self.caches.first().map_or(null_mut(), |c| c.cast()) }
-        else { self.scenes.get(k % self.scenes.len().max(1)).copied().unwrap_or(null_mut()) }
+        if k > 250 {
+            self.caches.first().map_or(null_mut(), |c| c.cast())
+        } else {
+            self.scenes.get(k % self.scenes.len().max(1)).copied().unwrap_or(null_mut())
+        }
     }
 
     fn cache(&self, input: &mut Input) -> lumi_cache {
         let k = usize::from(input.byte());
-        if k > 250 { self.scenes.first().map_or(null_mut(), |s| s.cast()) }
-        else { self.caches.get(k % self.caches.len().max(1)).copied().unwrap_or(null_mut()) }
+        if k > 250 {
+            self.scenes.first().map_or(null_mut(), |s| s.cast())
+        } else {
+            self.caches.get(k % self.caches.len().max(1)).copied().unwrap_or(null_mut())
+        }
     }
 }
 
@@ -98,7 +136,7 @@ unsafe fn call(input: &mut Input, handles: &mut Handles) -> i32 {
     // SAFETY: handles are the library's to check; all other pointers are to live values of the
     // sizes that are given.
     unsafe {
-        match input.byte() % 20 {
+        match input.byte() % 32 {
             0 => {
                 let mut scene = null_mut();
                 let code = lumi_scene_new(device(), &raw mut scene);
@@ -169,13 +207,20 @@ unsafe fn call(input: &mut Input, handles: &mut Handles) -> i32 {
                 let cache = handles.cache(input);
                 let build = input.byte() % 2 == 0;
                 let (position, normal) = (input.numbers(12), input.numbers(12));
-                let (mut irradiance, mut status) = ([0.0; 12], [0; 4]);
+                let viewer = input.numbers(12);
+                let (mut irradiance, mut radiance, mut status) = ([0.0; 12], [0.0; 12], [0; 4]);
                 let query = lumi_query {
                     n: usize::from(input.byte() % 5),
                     flags: u32::from(input.byte() % 2) * LUMI_QUERY_FILL,
                     position: position.as_ptr(),
                     normal: normal.as_ptr(),
+                    wo: viewer.as_ptr(),
                     irradiance: irradiance.as_mut_ptr(),
+                    radiance: if input.byte() % 2 == 0 {
+                        null_mut()
+                    } else {
+                        radiance.as_mut_ptr()
+                    },
                     status: status.as_mut_ptr(),
                     ..sized()
                 };
@@ -189,12 +234,98 @@ unsafe fn call(input: &mut Input, handles: &mut Handles) -> i32 {
                 }
             }
             16 => lumi_cache_save(handles.cache(input), file.as_ptr()),
-            17 => {
-                lumi_cache_load(handles.cache(input), file.as_ptr(), u32::from(input.byte() % 2))
-            }
+            17 => lumi_cache_load(handles.cache(input), file.as_ptr(), u32::from(input.byte() % 2)),
             18 => {
                 let (to, from) = (handles.cache(input), handles.cache(input));
                 lumi_cache_merge(to, from, 0)
+            }
+            19 => {
+                let (scene, pixels) = (handles.scene(input), [input.byte(); 64]);
+                let texture = lumi_texture_desc {
+                    width: u32::from(input.byte() % 5),
+                    height: u32::from(input.byte() % 5),
+                    wrap_u: u32::from(input.byte() % 4),
+                    wrap_v: u32::from(input.byte() % 4),
+                    pixels: pixels.as_ptr(),
+                    ..sized()
+                };
+                lumi_scene_add_texture(scene, &raw const texture, null_mut())
+            }
+            20 => {
+                let (scene, origin, dir) =
+                    (handles.scene(input), input.numbers(12), input.numbers(12));
+                let (mut distance, mut normal) = ([0.0; 4], [0.0; 12]);
+                let rays = lumi_trace_desc {
+                    n: usize::from(input.byte() % 5),
+                    origin: origin.as_ptr(),
+                    dir: dir.as_ptr(),
+                    distance: distance.as_mut_ptr(),
+                    normal: normal.as_mut_ptr(),
+                    ..sized()
+                };
+                lumi_scene_trace(scene, &raw const rays)
+            }
+            21 => {
+                let cache = handles.cache(input);
+                let mut records = [const { std::mem::MaybeUninit::<lumi_record>::uninit() }; 8];
+                let (first, most) = (usize::from(input.byte()), usize::from(input.byte() % 9));
+                lumi_cache_get_records(cache, first, most, records.as_mut_ptr().cast(), null_mut())
+            }
+            22 => {
+                let mut stats: lumi_stats = sized();
+                lumi_cache_get_stats(handles.cache(input), &raw mut stats)
+            }
+            23 => match input.byte() % 2 {
+                0 => lumi_cache_clear(handles.cache(input)),
+                _ => lumi_cache_freeze(handles.cache(input)),
+            },
+            24 => {
+                let (cache, name) = (handles.cache(input), input.text());
+                lumi_cache_set_str(cache, name.as_ptr(), input.text().as_ptr())
+            }
+            25 => {
+                let scene = handles.scene(input);
+                let host = lumi_host_desc {
+                    flags: u32::from(input.byte() % 9),
+                    max_batch: u32::from(input.byte()),
+                    bounds_min: [input.number(), input.number(), input.number()],
+                    bounds_max: [input.number(), input.number(), input.number()],
+                    trace: Some(floor),
+                    ..sized()
+                };
+                lumi_scene_set_host(scene, &raw const host)
+            }
+            26 => {
+                let mut info: lumi_scene_info = sized();
+                lumi_scene_get_info(handles.scene(input), &raw mut info)
+            }
+            27 | 28 => {
+                let cache = handles.cache(input);
+                let name = input.text();
+                let mut data = [0.0; 4 * 12];
+                let layer = lumi_layer {
+                    name: name.as_ptr(),
+                    data: data.as_mut_ptr(),
+                    channels: u32::from(input.byte() % 5),
+                    reserved: 0,
+                };
+                let mut camera = [0.0; 12];
+                camera.copy_from_slice(&input.numbers(12));
+                let picture = lumi_render_desc {
+                    flags: u32::from(input.byte() % 5),
+                    width: u32::from(input.byte() % 5),
+                    height: u32::from(input.byte() % 4),
+                    samples: 1,
+                    camera,
+                    yfov: input.number(),
+                    aspect: input.number(),
+                    near_plane: input.number(),
+                    far_plane: input.number(),
+                    ..sized()
+                };
+                lumi_cache_set_i32(cache, c"gather.rays".as_ptr(), 16);
+                lumi_cache_set_i32(cache, c"deeper_points".as_ptr(), 4);
+                lumi_cache_render(cache, &raw const picture, &raw const layer, 1)
             }
             _ => {
                 match input.byte() % 4 {

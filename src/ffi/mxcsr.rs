@@ -34,7 +34,7 @@ impl Mode {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", not(miri)))]
 mod imp {
     use super::Mode;
     use std::arch::asm;
@@ -68,7 +68,8 @@ mod imp {
     }
 }
 
-#[cfg(not(target_arch = "x86_64"))]
+/// Other machines, and an interpreter, which knows no registers.
+#[cfg(any(not(target_arch = "x86_64"), miri))]
 mod imp {
     use super::Mode;
 
@@ -167,7 +168,7 @@ pub fn as_caller<R>(f: impl FnOnce() -> R) -> R {
     result
 }
 
-#[cfg(all(test, target_arch = "x86_64"))]
+#[cfg(all(test, target_arch = "x86_64", not(miri)))]
 mod tests {
     use super::*;
     use std::hint::black_box;

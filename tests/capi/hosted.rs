@@ -28,7 +28,11 @@ fn trace(batch: &mut Batch, range: Range<usize>) {
     }
 }
 
-/// The sums of the distances that 500 gathers of up to 30 rays see.
+/// How many gathers and threads; an interpreter takes a thousand times as long.
+const GATHERS: u32 = if cfg!(miri) { 20 } else { 500 };
+const THREADS: usize = if cfg!(miri) { 4 } else { 40 };
+
+/// The sums of the distances that gathers of up to 30 rays see.
 fn gathers(exchange: &Exchange) -> Vec<Option<f32>> {
     let one = |gather: u32| {
         let mut batch = Batch::default();
@@ -39,14 +43,14 @@ fn gathers(exchange: &Exchange) -> Vec<Option<f32>> {
         assert!(answers.origin.iter().all(|o| o.x == gather as f32), "rays of another gather");
         Some(answers.distance.iter().sum())
     };
-    (0..500).into_par_iter().map(one).collect()
+    (0..GATHERS).into_par_iter().map(one).collect()
 }
 
 #[test]
 fn answers_do_not_depend_on_batches_and_threads() {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(40).build().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(THREADS).build().unwrap();
     let alone: Vec<_> =
-        (0..500_u32).map(|g| Some((0..g % 7 * 5).map(|k| (g + k) as f32).sum::<f32>())).collect();
+        (0..GATHERS).map(|g| Some((0..g % 7 * 5).map(|k| (g + k) as f32).sum::<f32>())).collect();
     for (concurrent, most) in [(false, usize::MAX), (false, 7), (true, usize::MAX), (true, 1)] {
         let tracer = move |batch: &mut Batch, range: Range<usize>| {
             assert!(range.len() <= most);
@@ -55,7 +59,7 @@ fn answers_do_not_depend_on_batches_and_threads() {
         };
         let host = Host::new(description(concurrent, most), tracer).unwrap();
         assert_eq!(run(&pool, Some(&host), 3, || (), gathers).unwrap(), alone);
-        let rays: u64 = (0..500).map(|g| g % 7 * 5).sum();
+        let rays: u64 = (0..u64::from(GATHERS)).map(|g| g % 7 * 5).sum();
         assert_eq!(host.counts()[1], rays);
     }
 }
