@@ -18,7 +18,7 @@ IMAGE_TESTS := $(FFI_TESTS) furnace:: images::
 
 # Quick enough for an interpreter: what is pure, and what the C library does with pointers. Rayon's
 # queues are sound under tree borrows, not under the stricter stacked ones.
-MIRI_TESTS := basis::turns basis::rotation basis::single basis::the_cosine gather::strata gather::mesh \
+MIRI_TESTS := basis::turns basis::rotation basis::single basis::the_cosine gather::strata edges::tests::an_infinitely \
 	late::tests::threads late::tests::what_is_made locate::tests::coincident hosted::answers \
 	handles:: capi::describe capi::pool capi::status references_are_counted
 MIRIFLAGS := -Zmiri-disable-isolation -Zmiri-deterministic-floats -Zmiri-tree-borrows \
