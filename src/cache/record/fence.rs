@@ -2,9 +2,9 @@
 //!
 //! A record beside a thin wall reaches through it: on the other side lie points of the same plane
 //! with the same normal, which no test of distance, normal or position can tell from those on its
-//! own side. But the gather has seen the wall. The nearest low hit in each of eight sectors around the
-//! normal, if it lies within the record's radius, becomes a plane; a point behind one of them is
-//! refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say
+//! own side. But the gather has seen the wall. The nearest low hit in each of eight sectors around
+//! the normal, if it lies within the record's radius, becomes a plane; a point behind one of them
+//! is refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say
 //! that something stands between; here no ray is sent.
 
 use crate::gather::HemisphereSamples;
