@@ -10,6 +10,8 @@ pub enum Phase {
     Load,
     /// Building the ray tracing structure.
     Build,
+    /// Finding out how light passes between surfaces behind the visible ones.
+    Solve,
     /// Making cache records.
     Fill,
     /// Rendering pixels.
@@ -20,13 +22,15 @@ pub enum Phase {
 
 impl Phase {
     /// Every phase, in the order in which a run goes through them.
-    pub const ALL: [Self; 5] = [Self::Load, Self::Build, Self::Fill, Self::Render, Self::Write];
+    pub const ALL: [Self; 6] =
+        [Self::Load, Self::Build, Self::Solve, Self::Fill, Self::Render, Self::Write];
 
     /// The name as it is shown and written into statistics.
     pub fn name(self) -> &'static str {
         match self {
             Self::Load => "load",
             Self::Build => "accel build",
+            Self::Solve => "solve",
             Self::Fill => "fill",
             Self::Render => "render",
             Self::Write => "write",

@@ -24,7 +24,7 @@ pub use irradiance::Gradient;
 pub use lobe::LobeCoefficients;
 pub use mesh::{Derivatives, Hessian, TriangleRadiance};
 pub use probe::{
-    Arrival, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice, NoDeeper,
+    Arrival, Arriving, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice, NoDeeper,
     RadianceProbe, irradiance_of,
 };
 pub use samples::HemisphereSamples;

@@ -172,11 +172,31 @@ pub trait RadianceProbe: Sync {
     }
 }
 
+/// All light at a point, as a radiosity cache knows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arriving {
+    /// Irradiance.
+    pub irradiance: Color,
+    /// Direct light is part of it. Else it changes so fast there that it has to be sampled.
+    pub all: bool,
+}
+
 /// Indirect light at hit points, from the finished caches of deeper bounces.
 pub trait Deeper: Sync {
     /// Irradiance of indirect light at a point that lies `level` bounces behind the camera path;
     /// `None` where no record is valid.
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
+
+    /// All light at a point behind the first surface, from records with a radius of at most
+    /// `longest`; `None` where no such record is valid.
+    fn radiosity(&self, _at: &SurfacePoint, _longest: f32) -> Option<Arriving> {
+        None
+    }
+
+    /// True if [`Deeper::radiosity`] may know something.
+    fn has_radiosity(&self) -> bool {
+        false
+    }
 
     /// True if [`Deeper::radiance`] may know something.
     fn has_radiance(&self) -> bool {

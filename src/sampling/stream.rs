@@ -10,6 +10,9 @@ pub const ORDER: u64 = 1;
 /// Of a job's seed: the shading points of a deeper level.
 pub const DEEPER_POINTS: u64 = 2;
 
+/// Of a job's seed: the gathers of the radiosity cache.
+pub const RADIOSITY: u64 = 0x7261_6469;
+
 /// Of a job's seed: the gathers of radiance records.
 pub const RADIANCE_RECORDS: u64 = 3;
 

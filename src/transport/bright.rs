@@ -7,6 +7,7 @@
 //! rays meet, and how bright it is, is found as for all others, so that the balls need not be
 //! right.
 
+use crate::geometry::SurfacePoint;
 use crate::math::{Frame, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -49,6 +50,8 @@ impl Patch {
 #[derive(Debug, Default)]
 pub(super) struct Bright {
     pub patches: Vec<Patch>,
+    /// Points that light sources light up.
+    pub lit: Vec<SurfacePoint>,
 }
 
 impl Bright {

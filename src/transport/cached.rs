@@ -263,14 +263,15 @@ impl<'a> CachedIntegrator<'a> {
     /// Light of a diffuse surface that no record covers, from a few paths: among pixels that
     /// records serve, the noise of one path would be a speck.
     fn gather(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, out: &mut Shaded) {
-        for _ in 0..PATHS {
+        let paths = if self.cache.radiosity().is_some() { 1 } else { PATHS };
+        for _ in 0..paths {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
                 let aim = Aim::new(scattered.pdf, v.origin(), next.dir);
                 let start = Start { bounces: 0, aim };
                 let light =
                     self.tracer.incoming(&next, &start, sampler, seed, Some(self.indirect()));
                 let (diffuse, glossy) = split(v, &scattered);
-                out.radiance.add((diffuse / PATHS as f32, glossy / PATHS as f32), light);
+                out.radiance.add((diffuse / paths as f32, glossy / paths as f32), light);
             }
         }
     }

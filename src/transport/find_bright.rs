@@ -41,6 +41,7 @@ const PATCHES: usize = 32;
 /// A place that light reaches straight from a lamp, or by mirrors and panes.
 #[derive(Clone, Copy)]
 struct Lit {
+    point: SurfacePoint,
     position: Vec3,
     normal: Vec3,
     /// The flux that it reflects.
@@ -63,7 +64,7 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
         let offset = vertex.position - from.position;
         let faces = offset.dot(from.ng) > 0.0 && offset.dot(vertex.ng) < 0.0;
         (flux > 0.0 && faces && !tracer.scene.occluded(&tracer.scene.between(from, &vertex), words))
-            .then_some(Lit { position: vertex.position, normal: vertex.ng, flux })
+            .then_some(Lit { point: vertex, position: vertex.position, normal: vertex.ng, flux })
     };
     let mut found: Vec<Lit> = Vec::new();
     for first in (0..MOST).step_by(BATCH as usize) {
@@ -73,6 +74,7 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
         }
     }
     let extent = extent(points.len(), |i| points[i].position);
+    let lit = found.iter().map(|l| l.point).collect();
     let mut patches = clusters(&mut found, SMALLEST * extent.unwrap_or(f32::MIN_POSITIVE));
     let needed = variances(&patches, points);
     let mut order: Vec<usize> = (0..patches.len()).filter(|&k| needed[k] > VARIANCE).collect();
@@ -84,7 +86,7 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
         flux: HALO_SHARE * p.flux,
         ..p
     }));
-    Bright { patches }
+    Bright { patches, lit }
 }
 
 /// Balls around hits that lie close together.

@@ -9,6 +9,7 @@ use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
 use crate::material::tables::{GlossyTables, TableSettings};
 use crate::math::{Color, INV_PI, Vec3, luminance};
+use crate::sampling::Sampler;
 use crate::scene::Scene;
 use std::sync::Arc;
 
@@ -110,6 +111,21 @@ impl<'a> From<&'a dyn Deeper> for IndirectLight<'a> {
 }
 
 impl IndirectLight<'_> {
+    /// Light that leaves a surface by its diffuse lobe, as the radiosity cache knows it, and
+    /// whether direct light is part of it; the ray that met the surface is `distance` long. Records
+    /// are coarse: from near by a ray sees that they are, and goes on.
+    pub(super) fn radiosity(
+        &self, v: &Vertex, distance: f32, sampler: &mut Sampler,
+    ) -> Option<(Color, bool)> {
+        if !self.records.has_radiosity() || !v.bsdf.has_diffuse() {
+            return None;
+        }
+        let longest = distance / (NEAREST + sampler.next_1d());
+        let found = self.records.radiosity(&v.point, longest)?;
+        let albedo = v.bsdf.diffuse_albedo(v.point.frame.to_local(v.point.wo));
+        Some((albedo * found.irradiance * INV_PI, found.all))
+    }
+
     /// Irradiance of indirect light at a surface `level` bounces behind the first, and the radiance
     /// that leaves by its glossy lobes; `None` where the lobes are traced or no record is valid. As
     /// for irradiance, records of any level answer if light paths have no bound, the first level's
@@ -145,6 +161,10 @@ impl IndirectLight<'_> {
         Some((diffuse(self.records.irradiance(level, &v.point)?), None))
     }
 }
+
+/// A ray may end in records of all light whose radius is at most 1/u of its length, u between this
+/// and one more.
+pub(super) const NEAREST: f32 = 0.5;
 
 /// The cosine between shading and geometric normal above which a surface is flat.
 const FLAT: f32 = 1.0 - 1e-6;

@@ -17,6 +17,7 @@ mod caustics;
 mod probe;
 mod reflector;
 mod stored_hits;
+mod transfer;
 mod world;
 
 pub use bdpt::{Bidirectional, Splat};

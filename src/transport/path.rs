@@ -183,7 +183,7 @@ impl PathTracer<'_> {
                 let next = self.scatter(&vertex, sampler, Sampled::Everything);
                 (next.filter(|(sample, _)| sample.lobe == Lobe::Delta), false)
             } else {
-                let step = self.step(&vertex, sampler, bounces, indirect);
+                let step = self.step(&vertex, distance, sampler, bounces, indirect);
                 light.indirect += beta * step.cached.sum();
                 if let Some((shadow, lit)) = step.light {
                     let visible = self.scene.visibility(&shadow, shadow_seed(seed, bounces));
@@ -208,7 +208,7 @@ impl PathTracer<'_> {
 
     /// Light emitted towards the ray by what it hit, weighed against the light sampling done where
     /// it was aimed.
-    fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, aim: &Aim) -> Color {
+    pub(super) fn emitted(&self, ray: &Ray, hit: Option<(&SurfacePoint, f32)>, aim: &Aim) -> Color {
         let (lights, pdf, origin) = (self.scene.lights(), aim.pdf(ray.dir), aim.origin());
         match hit {
             None => {
@@ -244,16 +244,26 @@ impl PathTracer<'_> {
     /// What happens at a vertex that is not the camera's: indirect light from a cache where one
     /// knows it, one light sample, and the next ray.
     pub(super) fn step(
-        &self, v: &Vertex, sampler: &mut Sampler, bounces: u32, indirect: Option<IndirectLight>,
+        &self, v: &Vertex, distance: f32, sampler: &mut Sampler, bounces: u32,
+        indirect: Option<IndirectLight>,
     ) -> Step {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
-        let (cached, sampled) = match indirect
-            .filter(|_| bounces < self.max_bounces)
-            .and_then(|k| k.leaving(level, v))
-        {
+        let known = indirect.filter(|_| bounces < self.max_bounces);
+        let all = known.and_then(|k| k.radiosity(v, distance, sampler));
+        let indirect_alone =
+            |k: IndirectLight| if all.is_none() { k.leaving(level, v) } else { None };
+        let (cached, sampled) = match known.and_then(indirect_alone) {
             Some((diffuse, Some(glossy))) => (Reflected { diffuse, glossy }, Sampled::Nothing),
             Some((diffuse, None)) => (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy),
-            None => (Reflected::default(), Sampled::Everything),
+            None => match all {
+                Some((diffuse, true)) => {
+                    (Reflected { diffuse, glossy: Color::ZERO }, Sampled::GlossyAlone)
+                }
+                Some((diffuse, false)) => {
+                    (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy)
+                }
+                None => (Reflected::default(), Sampled::Everything),
+            },
         };
         let light = self.light(v, sampler, sampled);
         let guide = indirect

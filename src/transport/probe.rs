@@ -79,6 +79,12 @@ impl<'a> SceneProbe<'a> {
         self.bright.get_or_init(|| find_bright(self.tracer, points, seed));
     }
 
+    /// The small bright surfaces that were found.
+    pub(super) fn bright(&self) -> &Bright {
+        static NONE: Bright = Bright { patches: Vec::new(), lit: Vec::new() };
+        self.bright.get().unwrap_or(&NONE)
+    }
+
     /// The same probe with the lobes that radiance records answer for.
     #[must_use]
     pub fn with_lobes(self, lobes: Option<CachedLobes<'a>>) -> Self {
@@ -155,7 +161,7 @@ impl RadianceProbe for SceneProbe<'_> {
             }
             let vertex = Vertex { point, bsdf };
             let mut sampler = Sampler::new(bundle.seed, k as u32);
-            let step = self.tracer.step(&vertex, &mut sampler, bounces, Some(indirect));
+            let step = self.tracer.step(&vertex, distance, &mut sampler, bounces, Some(indirect));
             let views = Views::new(bundle.hit_change, tables, from, &vertex, distance);
             if let Some((shadow, reflected)) = step.light {
                 let change =

@@ -22,7 +22,7 @@ impl PathTracer<'_> {
             return Color::ZERO;
         };
         let mut sampler = Sampler::new(seed, 0);
-        let step = self.step(&vertex, &mut sampler, 1, Some(indirect));
+        let step = self.step(&vertex, f32::INFINITY, &mut sampler, 1, Some(indirect));
         let mut radiance = step.cached.sum();
         if let Some((shadow, lit)) = &step.light {
             radiance += lit.behind(self.scene.visibility(shadow, seed)).sum();

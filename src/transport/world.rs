@@ -5,7 +5,8 @@ use super::path::PathTracer;
 use super::points::View;
 use super::probe::SceneProbe;
 use super::reflector::SceneReflector;
-use crate::cache::{Appearance, Appearances, Reflector, Scheme, ShadingPoint, Towards, World};
+use super::transfer::SceneTransfer;
+use crate::cache::{Appearance, Appearances, Reflector, Scheme, ShadingPoint, Towards, Transfer, World};
 use crate::gather::{LobeCoefficients, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
@@ -34,7 +35,15 @@ impl<'a> SceneWorld<'a> {
         let probe = SceneProbe::new(tracer).with_lobes(lobes);
         let reflector = lobes.map(|l| SceneReflector { tracer, tables: l.tables });
         let seeks_bright = scheme.gather.bright > 0.0;
-        Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None, seeks_bright }
+        Self {
+            tracer,
+            lobes,
+            probe,
+            reflector,
+            appearance_of: None,
+            towards: None,
+            seeks_bright,
+        }
     }
 
     /// The same world in which `of` tells how points look.
@@ -86,6 +95,10 @@ impl World for SceneWorld<'_> {
             order.map(|n| lobe.order = n).is_some()
         };
         Some(Appearances { of_points, lobes: Some(Box::new(lobe)) })
+    }
+
+    fn transfer(&self) -> Option<Box<dyn Transfer + '_>> {
+        Some(Box::new(SceneTransfer { tracer: self.tracer, bright: self.probe.bright() }))
     }
 
     fn reflector(&self) -> Option<&dyn Reflector> {

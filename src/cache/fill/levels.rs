@@ -3,6 +3,7 @@
 use super::gatherer::Gatherer;
 use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint, extent_of};
 use super::refinement::refine;
+use super::radiosity::Transfer;
 use super::rounds::Filling;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
 use crate::cache::record::Record;
@@ -43,6 +44,11 @@ pub trait World: Sync {
     /// How points of the first level look, with their glossy lobes if `radiance` is asked for.
     /// `None` where the world cannot tell: its records are not refined.
     fn appearances(&self, points: &[ShadingPoint], radiance: bool) -> Option<Appearances<'_>>;
+
+    /// What fills the radiosity cache; `None` where the world cannot.
+    fn transfer(&self) -> Option<Box<dyn Transfer + '_>> {
+        None
+    }
 
     /// How surfaces reflect, for schemes that place records by outgoing radiance.
     fn reflector(&self) -> Option<&dyn Reflector> {
@@ -129,6 +135,14 @@ impl Cache {
         let places: Vec<SurfacePoint> = points.iter().map(|p| p.point).collect();
         self.settle(&places);
         world.prepare(&places, plan.seed);
+        // A radiosity cache takes the place of all levels behind the first.
+        let transfer = world.transfer().filter(|_| self.takes_radiosity());
+        let count = if transfer.is_some() { 1 } else { count };
+        if let Some(transfer) = transfer {
+            let solved =
+                self.fill_radiosity((world, &*transfer), &places, plan, progress)?;
+            report.irradiance[1].add(&solved);
+        }
         let mut levels = vec![points.to_vec()];
         for level in 1..count {
             let next = self.next_points(world, level, &levels[usize::from(level) - 1], plan);

@@ -7,8 +7,10 @@ mod rounds;
 mod locate;
 mod weber;
 mod refinement;
+mod radiosity;
 mod levels;
 mod late;
 
 pub use levels::{FillPlan, FillReport, Towards, World};
+pub use radiosity::{Casting, Found, Share, Transfer};
 pub use points::{Appearances, FillStats, LevelPoints, ShadingPoint, VIEWED, scattered};

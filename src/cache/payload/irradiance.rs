@@ -35,7 +35,16 @@ impl Curve {
     }
 }
 
-/// Irradiance E_i of indirect light with its derivatives. World space.
+/// Light that came straight from light sources.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lit {
+    /// Its part of the irradiance.
+    pub irradiance: Color,
+    /// It changes so fast around the record that it has to be sampled anew at each point.
+    pub sharp: bool,
+}
+
+/// Irradiance E_i of indirect light, or of all light, with its derivatives. World space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Irradiance {
     /// E_i.
@@ -49,6 +58,8 @@ pub struct Irradiance {
     /// The change along eight axes, for schemes that extrapolate along axes; with direct light, if
     /// the record holds direct light.
     pub axes: Option<Arc<Axes>>,
+    /// Of records of all light the part that came straight from light sources.
+    pub lit: Option<Lit>,
 }
 
 /// Where light of small bright surfaces bends irradiance, a record reaches no farther than to where
@@ -144,6 +155,7 @@ impl Irradiance {
                     hessian: derivatives.hessian,
                 }),
                 axes,
+                lit: None,
             },
             shape,
             limit: f32::INFINITY,

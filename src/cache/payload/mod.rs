@@ -8,5 +8,5 @@ mod harmonics;
 
 pub use axes::{Axes, Change, Direct, DirectSamples, Quadratic};
 pub use harmonics::{Harmonics, Projection, Projector, Reflector};
-pub use irradiance::{Curve, Irradiance};
+pub use irradiance::{Curve, Irradiance, Lit};
 pub use kind::{Appearance, Lobes, Payload, Seen};

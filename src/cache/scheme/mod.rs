@@ -21,6 +21,8 @@ use serde::{Deserialize, Serialize};
 use table::{Describe, above, group, within};
 
 const INFINITY: f64 = f64::INFINITY;
+/// Rays that tell how far a record of all light reaches.
+const PLACING_RAYS: u32 = 64;
 /// π/2 as it is in single precision.
 const RIGHT_ANGLE: f64 = 1.570_796_4;
 
@@ -266,6 +268,33 @@ impl Glossy {
 }
 
 group! {
+    /// A cache of all light, direct light included, that surfaces behind the visible ones receive.
+    /// Every traced ray ends there. In scenes of our own, and for light paths without a bound on
+    /// their length, it takes the place of the deeper levels.
+    #[derive(Copy)]
+    #[serde(default)]
+    pub struct RadiositySettings {
+        /// Rays per record.
+        pub rays: u32 = within(16.0, 1e6),
+        /// Samples of light sources per record.
+        pub lights: u32 = within(1.0, 1e6),
+        /// Rays of each bounce that look for where records are needed. Surfaces that they do not
+        /// meet get none: paths go on there.
+        pub points: u32 = within(16.0, 1e7),
+        /// The allowed error, a of [Ward88].
+        pub error: f32 = above(0.0, 1.0),
+        /// Smallest radius of validity as a share of the extent of what is lit.
+        pub min_radius: f32 = above(0.0, 1.0),
+    }
+}
+
+impl Default for RadiositySettings {
+    fn default() -> Self {
+        Self { rays: 100, lights: 32, points: 16384, error: 0.3, min_radius: 0.02 }
+    }
+}
+
+group! {
     /// Every choice that makes one published caching scheme differ from another. Each setting can
     /// be given by its name: see [`Scheme::set_all`].
     pub struct Scheme {
@@ -283,6 +312,9 @@ group! {
         /// Radiance records, if there are any; otherwise paths follow all glossy lobes.
         #[serde(with = "set::optional")]
         pub glossy: Option<Glossy>,
+        /// A cache of all light behind the visible surfaces, if there is one.
+        #[serde(with = "set::optional")]
+        pub radiosity: Option<RadiositySettings>,
         /// What bounds R_i beside the metric.
         pub clamping: Clamping,
         /// Which light records hold.
@@ -410,12 +442,54 @@ impl Scheme {
         scheme
     }
 
+    /// The scheme by which records of all light are placed.
+    pub(super) fn for_radiosity(&self) -> Self {
+        let (mut placed, settings) = (self.clone(), self.radiosity.unwrap_or_default());
+        (placed.radiosity, placed.glossy, placed.refinement) = (None, None, None);
+        (placed.levels, placed.schedule) = (1, Schedule::Scattered);
+        placed.contents = Contents::Indirect;
+        placed.extrapolation = Extrapolation::None;
+        // Far-reaching records must not spread light into corners that they see nothing of.
+        placed.clamping = Clamping::Neighbours;
+        placed.gather = Gather {
+            strata: Strata::Concentric,
+            rays: PLACING_RAYS,
+            noise: 0.0,
+            bright: 0.0,
+            gradient: TranslationalGradient::None,
+            ..placed.gather
+        };
+        placed.radius = Radius {
+            metric: Metric::Harmonic,
+            area: Outline::Disc,
+            nearest: 4.0,
+            min_pixels: 1.0,
+            max_pixels: 0.0,
+            max_radius: 0.1,
+            ..placed.radius
+        };
+        placed.validity = Validity {
+            kernel: Kernel::Ward,
+            weight: Weight::Hat,
+            error: settings.error,
+            smoothing: 1.4,
+            fences: true,
+            ..placed.validity
+        };
+        placed
+    }
+
     /// Spends about `quality` times the work: as many more rays per record and, since the number of
     /// records grows with the inverse square of radii, a smaller error.
     pub fn scale_quality(&mut self, quality: f32) {
         let rays = &mut self.gather.rays;
         *rays = (*rays as f32 * quality.sqrt()).round().clamp(16.0, 1e6) as u32;
         self.validity.error *= quality.powf(-0.25 / self.radius_power());
+        if let Some(radiosity) = &mut self.radiosity {
+            let scaled = |n: u32, least| (n as f32 * quality.sqrt()).round().clamp(least, 1e6) as u32;
+            radiosity.rays = scaled(radiosity.rays, 16.0);
+            radiosity.points = scaled(radiosity.points, 1024.0);
+        }
         // What a quadratic leaves out grows with the third power of its length.
         if let Extrapolation::Axes { error, .. } = &mut self.extrapolation {
             *error *= quality.powf(-0.75);

@@ -7,7 +7,11 @@ use serde_json::{Map, Value};
 use std::sync::LazyLock;
 
 /// The groups that a scheme may be without, and the setting that each of them needs.
-const OPTIONAL: [(&str, &str); 2] = [("refinement", "refinement.rule"), ("glossy", "glossy.order")];
+const OPTIONAL: [(&str, &str); 3] = [
+    ("refinement", "refinement.rule"),
+    ("glossy", "glossy.order"),
+    ("radiosity", "radiosity.rays"),
+];
 
 /// The value of an optional group that a scheme is without.
 const NONE: &str = "none";

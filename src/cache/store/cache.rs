@@ -2,10 +2,11 @@
 
 use super::index::Answer;
 use super::level::{Level, Rules, Store};
+use super::radiosity::Radiosity;
 use crate::cache::payload::{Harmonics, Irradiance, Projector};
 use crate::cache::record::{RadiusRule, Record};
 use crate::cache::scheme::Scheme;
-use crate::gather::{Deeper, LobeCoefficients};
+use crate::gather::{Arriving, Deeper, LobeCoefficients};
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
 use std::sync::Arc;
@@ -36,7 +37,7 @@ impl Cache {
             Self { scheme, extent: 0.0, unlimited, levels: Vec::new(), projector: None };
         for level in 0..count {
             let empty = cache.rules().store(level as u8, Vec::new());
-            cache.levels.push(Level { irradiance: Arc::new(empty), radiance: None });
+            cache.levels.push(Level { irradiance: Arc::new(empty), radiance: None, radiosity: None });
         }
         cache
     }
@@ -78,6 +79,7 @@ impl Cache {
             let radiance = self.radiance_rules().map(|r| Arc::new(r.store(level, Vec::new())));
             let level = &mut self.levels[usize::from(level)];
             level.irradiance = empty;
+            level.radiosity = None;
             level.radiance = level.radiance.take().and(radiance);
         }
         self
@@ -135,7 +137,8 @@ impl Cache {
     /// When the cache has no such level.
     pub fn replace(&mut self, level: u8, records: Vec<Record<Irradiance>>) {
         let store = self.rules().clamped_store(level, records);
-        self.levels[usize::from(level)].irradiance = Arc::new(store);
+        let level = &mut self.levels[usize::from(level)];
+        (level.irradiance, level.radiosity) = (Arc::new(store), None);
     }
 
     /// Takes over the radiance caches of `other`, a cache under the same scheme.
@@ -144,6 +147,45 @@ impl Cache {
         for (mine, theirs) in self.levels.iter_mut().zip(&other.levels) {
             mine.radiance.clone_from(&theirs.radiance);
         }
+    }
+
+    /// The cache of all light behind the first surface, if it is filled. It takes the place of
+    /// level 1.
+    pub fn radiosity(&self) -> Option<&Radiosity> {
+        self.levels.get(1)?.radiosity.as_deref()
+    }
+
+    /// True if the levels behind the first may be a radiosity cache, and hold nothing else.
+    pub(in crate::cache) fn takes_radiosity(&self) -> bool {
+        let plain = |l: &Level| l.radiosity.is_none() && !l.irradiance.is_empty();
+        self.unlimited
+            && self.scheme.radiosity.is_some()
+            && self.levels.len() > 1
+            && !self.levels[1..].iter().any(plain)
+    }
+
+    /// A cache that places records of all light beside `known`.
+    pub(in crate::cache) fn placing_radiosity(&self, known: Vec<Record<Irradiance>>) -> Self {
+        let mut placed =
+            Self::new(self.scheme.for_radiosity(), u32::MAX).with_extent(self.extent);
+        if !known.is_empty() {
+            placed.replace(0, known);
+        }
+        placed
+    }
+
+    /// The radiosity cache of `records`, which `placed` has placed.
+    pub(in crate::cache) fn radiosity_of(placed: &Self, records: Vec<Record<Irradiance>>) -> Radiosity {
+        let rules = placed.rules();
+        let radii = rules.radii(&records);
+        Radiosity::new(Arc::new(rules.store(0, records)), radii)
+    }
+
+    /// Puts a radiosity cache in the place of level 1.
+    pub(in crate::cache) fn set_radiosity(&mut self, radiosity: Radiosity) {
+        let level = &mut self.levels[1];
+        level.irradiance = radiosity.store().clone();
+        level.radiosity = Some(Arc::new(radiosity));
     }
 
     /// Irradiance of indirect light at a point of `level` from the records with ids below `limit`.
@@ -209,11 +251,21 @@ impl Deeper for Behind<'_> {
     #[inline]
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color> {
         let found = if self.cache.unlimited {
-            self.cache.levels.iter().find_map(|l| l.irradiance.lookup(at, u32::MAX))
+            let mut levels = self.cache.levels.iter().filter(|l| l.radiosity.is_none());
+            levels.find_map(|l| l.irradiance.lookup(at, u32::MAX))
         } else {
             self.cache.lookup(level, at, u32::MAX)
         };
         found.map(|a| a.irradiance)
+    }
+
+    #[inline]
+    fn radiosity(&self, at: &SurfacePoint, longest: f32) -> Option<Arriving> {
+        self.cache.radiosity()?.lookup(at, longest)
+    }
+
+    fn has_radiosity(&self) -> bool {
+        self.cache.radiosity().is_some()
     }
 
     fn has_radiance(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The fields of a record as columns of bytes: the one place where records become bytes and come
 //! back.
 
-use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Quadratic};
+use crate::cache::payload::{Axes, Change, Curve, Direct, Irradiance, Lit, Quadratic};
 use crate::cache::record::{Area, Fences, Record, SECTORS};
 use crate::gather::Hessian;
 use crate::math::{Color, Mat3, Vec3, Vec4};
@@ -215,6 +215,24 @@ impl Column for Option<Arc<Axes>> {
     }
 }
 
+/// 0 for none, 1, or 2 where it is sharp; then the irradiance.
+impl Column for Option<Lit> {
+    const BYTES: usize = 16;
+    const OPTIONAL: bool = true;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        let Lit { irradiance, sharp } = self.unwrap_or_default();
+        (if sharp { 2.0_f32 } else { f32::from(u8::from(self.is_some())) }).put(out);
+        irradiance.put(out);
+    }
+
+    fn get(bytes: &[u8]) -> Option<Self> {
+        let (mark, irradiance) = bytes.split_at_checked(4)?;
+        let (mark, irradiance) = (f32::get(mark)?, Color::get(irradiance)?);
+        Some((mark > 0.0).then_some(Lit { irradiance, sharp: mark > 1.0 }))
+    }
+}
+
 /// What a column is called and holds.
 pub struct Heading {
     /// The field of the record.
@@ -229,6 +247,10 @@ pub struct Heading {
 
 /// The largest coordinate, irradiance and size: the square is still a number.
 const LARGEST: f32 = 1e18;
+fn bright(e: Color) -> bool {
+    e.min_element() >= 0.0 && e.max_element() <= LARGEST
+}
+
 /// What radii can be relative to.
 pub const EXTENTS: RangeInclusive<f32> = f32::MIN_POSITIVE..=LARGEST;
 
@@ -303,11 +325,12 @@ columns!(
         fences: "up to 4 planes of finite numbers", |_: &Fences| true;
     }
     payload {
-        irradiance: "0 to 1e18", |e: &Color| e.min_element() >= 0.0 && e.max_element() <= LARGEST;
+        irradiance: "0 to 1e18", |e: &Color| bright(*e);
         rotation: "finite numbers", |_: &Mat3| true;
         translation: "finite numbers", |_: &Mat3| true;
         curve: "finite numbers", |_: &Option<Curve>| true;
         axes: "finite numbers, lengths above 0", |_: &Option<Arc<Axes>>| true;
+        lit: "0, or 1 or 2 and 0 to 1e18", |l: &Option<Lit>| l.is_none_or(|l| bright(l.irradiance));
     }
 );
 

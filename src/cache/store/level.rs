@@ -1,6 +1,7 @@
 //! The records of one kind on one level with their index, and the levels of a cache.
 
 use super::index::{Answer, Index};
+use super::radiosity::Radiosity;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projector};
 use crate::cache::record::{Envelope, RadiusRule, Record, clamp_to_neighbours};
 use crate::cache::scheme::Scheme;
@@ -34,6 +35,12 @@ impl Rules<'_> {
 
     pub fn index<P: Payload>(&self, records: &[Record<P>], rule: RadiusRule) -> Index {
         Index::build(records, rule, self.scheme.validity.weight, self.in_front())
+    }
+
+    /// The longest radius of each of `records`, as shading uses them.
+    pub fn radii<P>(&self, records: &[Record<P>]) -> Vec<f32> {
+        let rule = self.when_filled(0);
+        records.iter().map(|r| rule.area(r).0.longest()).collect()
     }
 
     /// `records` indexed as shading needs them.
@@ -153,6 +160,8 @@ impl Store<Harmonics> {
 pub struct Level {
     pub(in crate::cache) irradiance: Arc<Store<Irradiance>>,
     pub(in crate::cache) radiance: Option<Arc<Store<Harmonics>>>,
+    /// What the irradiance records know beside, if they are of all light.
+    pub(in crate::cache) radiosity: Option<Arc<Radiosity>>,
 }
 
 impl Level {
@@ -168,6 +177,8 @@ impl Level {
 
     /// Bytes that records and indexes occupy.
     pub fn bytes(&self) -> usize {
-        self.irradiance.bytes() + self.radiance.as_ref().map_or(0, |r| r.bytes())
+        self.irradiance.bytes()
+            + self.radiance.as_ref().map_or(0, |r| r.bytes())
+            + self.radiosity.as_ref().map_or(0, |r| r.bytes())
     }
 }
