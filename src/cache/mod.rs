@@ -16,18 +16,19 @@ mod fill;
 
 pub use fill::{
     Appearances, Casting, FillPlan, FillReport, FillStats, Found, LevelPoints, ShadingPoint, Share,
-    Towards, Transfer, VIEWED,
-    World, scattered,
+    Towards, Transfer, VIEWED, World, scattered,
 };
 pub use payload::{
-    Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lit, Lobes, Payload,
-    Projector, Quadratic, Reflector,
+    Appearance, Axes, Change, Curve, Direct, DirectSamples, Harmonics, Irradiance, Lit, Lobes,
+    Payload, Projector, Quadratic, Reflector,
 };
 pub use record::{Area, Envelope, Fences, Nearest, RadiusRule, Record, SECTORS};
 pub use scheme::{
     Allowed, Bands, Bounds, Clamping, Contents, Extrapolation, Gather, Glossy, GlossyBasis,
-    GlossyMetric, Hits, Kernel, Measure, Metric, Outline, PRESETS, Placement, Preset, Radius, RadiositySettings,
-    Refinement, RefinementRule, Schedule, Scheme, Setting, Storage, Strata, Validity, Weight,
-    settings, settings_page,
+    GlossyMetric, Hits, Kernel, Measure, Metric, Outline, PRESETS, Placement, Preset,
+    RadiositySettings, Radius, Refinement, RefinementRule, Schedule, Scheme, Setting, Storage,
+    Strata, Validity, Weight, settings, settings_page,
 };
-pub use store::{Answer, Behind, Cache, CacheFile, Index, Level, Live, Origin, Radiosity, Snapshot, Store};
+pub use store::{
+    Answer, Behind, Cache, CacheFile, Index, Level, Live, Origin, Radiosity, Snapshot, Store,
+};

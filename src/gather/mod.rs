@@ -24,8 +24,8 @@ pub use irradiance::Gradient;
 pub use lobe::LobeCoefficients;
 pub use mesh::{Derivatives, Hessian, TriangleRadiance};
 pub use probe::{
-    Arrival, Arriving, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice, NoDeeper,
-    RadianceProbe, irradiance_of,
+    Arrival, Arriving, Bundle, Deeper, DirectLight, HitChange, HitKind, Joint, LightChoice,
+    NoDeeper, RadianceProbe, irradiance_of,
 };
 pub use samples::HemisphereSamples;
 pub use sources::PointSources;

@@ -76,6 +76,8 @@ impl Clock {
     pub fn to_json(&self) -> Value {
         Phase::ALL
             .iter()
+            // Part of the fill.
+            .filter(|&&p| p != Phase::Solve)
             .map(|&p| {
                 let s = self.spent[p as usize];
                 (p.name().replace(' ', "_"), json!({"seconds": s.wall, "cpu_seconds": s.cpu}))

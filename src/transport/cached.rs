@@ -25,8 +25,10 @@ pub struct CachedIntegrator<'a> {
     direct_ns: AtomicU64,
 }
 
-/// Paths from a diffuse surface that no record covers.
+/// Paths from a diffuse surface that no record covers ...
 const PATHS: u32 = 8;
+/// ... and if they end in a radiosity cache.
+const SHORT_PATHS: u32 = 2;
 /// Every so many samples the parts of shading are timed, which costs too much to do always.
 const TIMED: usize = 32;
 
@@ -263,7 +265,7 @@ impl<'a> CachedIntegrator<'a> {
     /// Light of a diffuse surface that no record covers, from a few paths: among pixels that
     /// records serve, the noise of one path would be a speck.
     fn gather(&self, v: &Vertex, sampler: &mut Sampler, seed: u64, out: &mut Shaded) {
-        let paths = if self.cache.radiosity().is_some() { 1 } else { PATHS };
+        let paths = if self.cache.radiosity().is_some() { SHORT_PATHS } else { PATHS };
         for _ in 0..paths {
             if let Some((scattered, next)) = self.tracer.scatter(v, sampler, Sampled::Everything) {
                 let aim = Aim::new(scattered.pdf, v.origin(), next.dir);

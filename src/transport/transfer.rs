@@ -122,7 +122,9 @@ impl SceneTransfer<'_> {
             if let Some((shadow, lit)) = tracer.light(&vertex, &mut sampler, sampled) {
                 found.known += finite(beta * lit.behind(scene.visibility(&shadow, seed)).sum());
             }
-            let Some((sample, next)) = tracer.scatter(&vertex, &mut sampler, sampled) else { break };
+            let Some((sample, next)) = tracer.scatter(&vertex, &mut sampler, sampled) else {
+                break;
+            };
             let share = if sampled == Sampled::Everything { 1.0 } else { GLOSS_SURVIVAL };
             let kept = share * sample.weight.max_element() * sample.eta * sample.eta;
             let most = if bounces < ROULETTE_AFTER { 1.0 } else { MAX_SURVIVAL };
@@ -213,7 +215,6 @@ impl Transfer for SceneTransfer<'_> {
         numbers.iter().map(|&k| std::mem::take(&mut found[k as usize])).collect()
     }
 }
-
 
 /// A sample that is not a number must not spoil a record.
 fn finite(c: Color) -> Color {

@@ -6,7 +6,9 @@ use super::points::View;
 use super::probe::SceneProbe;
 use super::reflector::SceneReflector;
 use super::transfer::SceneTransfer;
-use crate::cache::{Appearance, Appearances, Reflector, Scheme, ShadingPoint, Towards, Transfer, World};
+use crate::cache::{
+    Appearance, Appearances, Reflector, Scheme, ShadingPoint, Towards, Transfer, World,
+};
 use crate::gather::{LobeCoefficients, RadianceProbe};
 use crate::geometry::SurfacePoint;
 use crate::material::Bsdf;
@@ -35,15 +37,7 @@ impl<'a> SceneWorld<'a> {
         let probe = SceneProbe::new(tracer).with_lobes(lobes);
         let reflector = lobes.map(|l| SceneReflector { tracer, tables: l.tables });
         let seeks_bright = scheme.gather.bright > 0.0;
-        Self {
-            tracer,
-            lobes,
-            probe,
-            reflector,
-            appearance_of: None,
-            towards: None,
-            seeks_bright,
-        }
+        Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None, seeks_bright }
     }
 
     /// The same world in which `of` tells how points look.

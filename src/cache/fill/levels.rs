@@ -2,8 +2,8 @@
 
 use super::gatherer::Gatherer;
 use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint, extent_of};
-use super::refinement::refine;
 use super::radiosity::Transfer;
+use super::refinement::refine;
 use super::rounds::Filling;
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
 use crate::cache::record::Record;
@@ -139,8 +139,7 @@ impl Cache {
         let transfer = world.transfer().filter(|_| self.takes_radiosity());
         let count = if transfer.is_some() { 1 } else { count };
         if let Some(transfer) = transfer {
-            let solved =
-                self.fill_radiosity((world, &*transfer), &places, plan, progress)?;
+            let solved = self.fill_radiosity((world, &*transfer), &places, plan, progress)?;
             report.irradiance[1].add(&solved);
         }
         let mut levels = vec![points.to_vec()];

@@ -12,5 +12,5 @@ mod levels;
 mod late;
 
 pub use levels::{FillPlan, FillReport, Towards, World};
-pub use radiosity::{Casting, Found, Share, Transfer};
 pub use points::{Appearances, FillStats, LevelPoints, ShadingPoint, VIEWED, scattered};
+pub use radiosity::{Casting, Found, Share, Transfer};

@@ -9,8 +9,8 @@
 
 use super::levels::{FillPlan, World};
 use super::points::{FillStats, LevelPoints};
-use crate::cache::record::Record;
 use crate::cache::payload::{Irradiance, Lit};
+use crate::cache::record::Record;
 use crate::cache::scheme::RadiositySettings;
 use crate::cache::store::{Cache, Radiosity};
 use crate::error::{Error, Result, check_room};
@@ -140,7 +140,7 @@ impl Cache {
                 Row { at, casting, direct: transfer.direct(&at, casting), rays: Vec::new() }
             })
             .collect();
-        
+
         let blurred = Self::radiosity_of(&placed, records.clone());
         rows.par_iter_mut().for_each(|row| {
             if !progress.is_cancelled() {
@@ -161,8 +161,7 @@ impl Cache {
         }
         let edged = Self::radiosity_of(&placed, records.clone());
         rows.par_iter_mut().for_each(|row| {
-            let again =
-                |r: &Found| r.shares.iter().any(|s| sharp.binary_search(&s.record).is_ok());
+            let again = |r: &Found| r.shares.iter().any(|s| sharp.binary_search(&s.record).is_ok());
             let numbers: Vec<u32> =
                 (0..).zip(&row.rays).filter(|(_, r)| again(r)).map(|(k, _)| k).collect();
             let found = transfer.cast(&row.at, row.casting, &numbers, &edged);
@@ -226,9 +225,8 @@ fn set_light(records: &mut [Record<Irradiance>], light: &[Color]) {
 /// before them have all the light and the direct light of `old`.
 fn solve(rows: &[Row], old: &[[Color; 2]]) -> Vec<Color> {
     let direct: Vec<Color> = rows.iter().map(Row::lit).collect();
-    let known = |(row, direct): (&Row, &Color)| {
-        row.rays.iter().fold(*direct, |sum, r| sum + r.known)
-    };
+    let known =
+        |(row, direct): (&Row, &Color)| row.rays.iter().fold(*direct, |sum, r| sum + r.known);
     let known: Vec<Color> = rows.iter().zip(&direct).map(known).collect();
     let mut light = known.clone();
     for _ in 0..SWEEPS {

@@ -486,7 +486,8 @@ impl Scheme {
         *rays = (*rays as f32 * quality.sqrt()).round().clamp(16.0, 1e6) as u32;
         self.validity.error *= quality.powf(-0.25 / self.radius_power());
         if let Some(radiosity) = &mut self.radiosity {
-            let scaled = |n: u32, least| (n as f32 * quality.sqrt()).round().clamp(least, 1e6) as u32;
+            let scaled =
+                |n: u32, least| (n as f32 * quality.sqrt()).round().clamp(least, 1e6) as u32;
             radiosity.rays = scaled(radiosity.rays, 16.0);
             radiosity.points = scaled(radiosity.points, 1024.0);
         }

@@ -188,8 +188,9 @@ impl Scheme {
     }
 
     /// Gives settings the values that are written as in presets, such as `gather.rays` and `512`,
-    /// and checks the whole once: the order of the settings does not matter. `refinement` and
-    /// `glossy` become `none`; a group that is none comes by `refinement.rule` or `glossy.order`.
+    /// and checks the whole once: the order of the settings does not matter. `refinement`,
+    /// `glossy` and `radiosity` become `none`; a group that is none comes by `refinement.rule`,
+    /// `glossy.order` or `radiosity.rays`.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] naming the setting and what it takes, also for one that has no

@@ -37,7 +37,11 @@ impl Cache {
             Self { scheme, extent: 0.0, unlimited, levels: Vec::new(), projector: None };
         for level in 0..count {
             let empty = cache.rules().store(level as u8, Vec::new());
-            cache.levels.push(Level { irradiance: Arc::new(empty), radiance: None, radiosity: None });
+            cache.levels.push(Level {
+                irradiance: Arc::new(empty),
+                radiance: None,
+                radiosity: None,
+            });
         }
         cache
     }
@@ -166,8 +170,7 @@ impl Cache {
 
     /// A cache that places records of all light beside `known`.
     pub(in crate::cache) fn placing_radiosity(&self, known: Vec<Record<Irradiance>>) -> Self {
-        let mut placed =
-            Self::new(self.scheme.for_radiosity(), u32::MAX).with_extent(self.extent);
+        let mut placed = Self::new(self.scheme.for_radiosity(), u32::MAX).with_extent(self.extent);
         if !known.is_empty() {
             placed.replace(0, known);
         }
@@ -175,7 +178,9 @@ impl Cache {
     }
 
     /// The radiosity cache of `records`, which `placed` has placed.
-    pub(in crate::cache) fn radiosity_of(placed: &Self, records: Vec<Record<Irradiance>>) -> Radiosity {
+    pub(in crate::cache) fn radiosity_of(
+        placed: &Self, records: Vec<Record<Irradiance>>,
+    ) -> Radiosity {
         let rules = placed.rules();
         let radii = rules.radii(&records);
         Radiosity::new(Arc::new(rules.store(0, records)), radii)
@@ -215,6 +220,10 @@ impl Cache {
 
     /// How far the irradiance records of `level` are valid while it fills, smoothing left out.
     pub fn radius_rule(&self, level: u8) -> RadiusRule {
+        if self.level(level).is_some_and(|l| l.radiosity.is_some()) {
+            let scheme = self.scheme.for_radiosity();
+            return Rules { scheme: &scheme, extent: self.extent }.while_filling(0);
+        }
         self.rules().while_filling(level)
     }
 

@@ -172,12 +172,27 @@ impl CacheFile {
         let mut cache =
             Cache::new(scheme, origin.max_bounces.unwrap_or(u32::MAX)).with_extent(self.extent);
         for (level, mut records) in (0..cache.level_count()).zip(self.levels) {
-            let most = cache.radius_rule(level).allowed_error();
+            let all_light = records.iter().any(|r| r.payload.lit.is_some());
+            if all_light && (level != 1 || !cache.takes_radiosity()) {
+                if reuse {
+                    continue;
+                }
+                return Err(corrupt(path, "its column `lit` belongs to level 1 of other schemes"));
+            }
+            let most = if all_light {
+                cache.placing_radiosity(Vec::new()).radius_rule(0)
+            } else {
+                cache.radius_rule(level)
+            };
+            let most = most.allowed_error();
             if !reuse && records.iter().any(|r| r.error > most) {
                 return Err(corrupt(path, "its column `error` holds more than its scheme allows"));
             }
             records.iter_mut().for_each(|r| r.error = r.error.min(most));
-            if !records.is_empty() {
+            if all_light {
+                let placed = cache.placing_radiosity(records);
+                cache.set_radiosity(Cache::radiosity_of(&placed, placed.records(0).to_vec()));
+            } else if !records.is_empty() {
                 cache.replace(level, records);
             }
         }
