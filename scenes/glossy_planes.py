@@ -9,7 +9,6 @@ def two_glossy_planes():
         "two-glossy-planes",
         "Two glossy planes",
         (480, 360),
-        flags="--exposure -4",
         notes="A Phong floor mirrors a Phong wall outside the picture. The radiance from the wall "
         "changes with the point that sees the wall.",
     )

@@ -113,7 +113,7 @@ def metal_hall():
         "metal-hall",
         "A building with curved metal walls",
         (800, 500),
-        flags="--sky clear,azimuth=215,elevation=40,illuminance=10000,sun-illuminance=60000 --exposure -14",
+        flags="--sky clear,azimuth=215,elevation=40,illuminance=10000,sun-illuminance=60000",
         notes="Curved walls of brushed metal (Phong, exponent 12) over a plaza mirror the ground "
         "and each other. For sun and sky.",
     )

@@ -31,7 +31,7 @@ def ies_hall():
         "ies-hall",
         "Hall of luminaires",
         (1280, 640),
-        flags="--sky overcast,elevation=20 --exposure -8",
+        flags="--sky overcast,elevation=20",
         notes="20 downlights and 14 wall washers by IES files, 24 luminous panels, skylights and "
         "windows to an overcast sky. In cd/m2.",
     )

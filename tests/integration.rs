@@ -107,6 +107,7 @@ mod capi; // the C library as C calls it, its header, its installation
 mod tools {
     mod architecture; // module order, file sizes
     mod cache_files; // caches saved, loaded, joined
+    mod exposure; // how bright previews are
     mod documents; // the commands in the documents run
     mod file_order; // no circles between files
     mod prose; // citations, names of files and widths in documents and comments

@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lumicache::accel::Backend;
+use lumicache::imagefile::Exposure;
 use lumicache::import::ImportOptions;
 use lumicache::render::Frames;
 use std::path::PathBuf;
@@ -369,9 +370,10 @@ pub struct Render {
     /// Write an 8-bit sRGB picture too.
     #[arg(long, value_name = "OUT.png|.jpg")]
     pub preview: Option<PathBuf>,
-    /// Exposure of the preview, in stops.
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub exposure: f32,
+    /// Exposure of the preview in stops; auto takes the middle of the picture to mid-gray, and of a
+    /// sequence that of the first frame.
+    #[arg(long, value_name = "EV|auto", default_value = "auto", allow_negative_numbers = true)]
+    pub exposure: Exposure,
     /// Write statistics as JSON.
     #[arg(long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,

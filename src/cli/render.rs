@@ -10,7 +10,7 @@ use lumicache::cache::Scheme;
 use lumicache::error::{Error, Result};
 use lumicache::film::Film;
 use lumicache::fsutil;
-use lumicache::imagefile::{check_extension, exr, ldr};
+use lumicache::imagefile::{Exposure, check_extension, exr, ldr};
 use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
@@ -29,7 +29,7 @@ pub fn run(arguments: &Render) -> Result<()> {
     let threads = thread_count(arguments.threads)?;
     let end = on_threads(threads, arguments.quiet, |progress| request.render(progress))?;
     if !arguments.quiet {
-        print(end.table.as_bytes())?;
+        print(end.summary.as_bytes())?;
         end.warnings.iter().for_each(|w| warn(w));
     }
     if end.cancelled { Err(Error::Cancelled) } else { Ok(()) }
@@ -55,7 +55,8 @@ struct Request<'a> {
 struct End {
     cancelled: bool,
     warnings: Vec<String>,
-    table: String,
+    /// For standard output.
+    summary: String,
 }
 
 impl<'a> Request<'a> {
@@ -117,12 +118,12 @@ impl<'a> Request<'a> {
         }
         let job = self.job(&scene)?.progress(progress).clock(clock);
         viewer.connect(arguments, &self.output, job.settings()?.window)?;
-        let (cancelled, table) = match &arguments.frames {
+        let (cancelled, summary) = match &arguments.frames {
             None => {
                 let job = job.watcher(|area, film| viewer.show(area, film));
                 let picture = self.picture(job, progress)?;
                 warnings.extend(self.kept(&picture));
-                (picture.frame.cancelled, String::new())
+                (picture.frame.cancelled, self.exposed(&picture))
             }
             Some(frames) => {
                 let cameras =
@@ -144,11 +145,12 @@ impl<'a> Request<'a> {
                 let told = self.write_stats(|| sequence.stats());
                 written.and(saved).and(told)?;
                 warnings.extend(self.kept(&sequence.last));
-                (sequence.last.frame.cancelled, table(&sequence.costs))
+                let summary = table(&sequence.costs) + &self.exposed(&sequence.last);
+                (sequence.last.frame.cancelled, summary)
             }
         };
         warnings.extend(viewer.lost);
-        Ok(End { cancelled, warnings, table })
+        Ok(End { cancelled, warnings, summary })
     }
 
     fn scene(&self, clock: &mut Clock, progress: &Progress) -> Result<(Scene, Vec<String>)> {
@@ -233,9 +235,22 @@ impl<'a> Request<'a> {
         })
     }
 
+    /// A line that tells by how much the preview is exposed, if nobody has said that.
+    fn exposed(&self, picture: &Rendering) -> String {
+        let automatic = self.arguments.exposure == Exposure::Auto && self.is_shown(picture);
+        let preview = self.arguments.preview.as_ref().filter(|_| automatic);
+        preview.map_or_else(String::new, |preview| {
+            format!("{}: exposed by {:+.2} stops\n", preview.display(), picture.exposure())
+        })
+    }
+
+    /// A picture of nothing must not take the place of another.
+    fn is_shown(&self, picture: &Rendering) -> bool {
+        !self.arguments.prepass_only && !picture.frame.is_empty()
+    }
+
     fn write(&self, picture: &Rendering, output: &Path, preview: Option<&Path>) -> Result<()> {
-        // A picture of nothing must not take the place of another.
-        if self.arguments.prepass_only || picture.frame.is_empty() {
+        if !self.is_shown(picture) {
             return Ok(());
         }
         let written = rescued(output, |path| picture.write_exr(path));

@@ -3,9 +3,10 @@
 pub mod flip;
 
 use crate::error::{Error, Result};
+use crate::imagefile::exposure::{MID_GRAY, luminances};
 use crate::imagefile::ldr::{self, encode_srgb};
 use crate::imagefile::{Picture, exr};
-use crate::math::{Color, luminance};
+use crate::math::Color;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -16,8 +17,6 @@ const EPSILON: f64 = 0.01;
 
 /// Median luminances that a display shows as they are: from nearly black to white.
 const DISPLAYED: RangeInclusive<f32> = 0.005..=4.0;
-/// The median luminance of pictures that are exposed for a display: mid-gray.
-const MID_GRAY: f32 = 0.18;
 
 /// What to compare.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -245,12 +244,7 @@ fn measure(image: &Picture, reference: &Picture, options: &Options) -> Measured<
 
 /// The stops by which the reference must be exposed to show anything on a display.
 fn exposure(reference: &[Color]) -> f32 {
-    let mut seen: Vec<f32> = reference.iter().map(|c| luminance(*c)).filter(|l| *l > 0.0).collect();
-    if seen.is_empty() {
-        return 0.0;
-    }
-    let middle = seen.len() / 2;
-    let median = *seen.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let Some([median]) = luminances(reference, [0.5]) else { return 0.0 };
     if DISPLAYED.contains(&median) { 0.0 } else { (MID_GRAY / median).log2() }
 }
 

@@ -114,6 +114,13 @@ impl Geometry {
         if inst.to_world.matrix3.determinant() < 0.0 { [a, c, b] } else { [a, b, c] }
     }
 
+    /// The instances alone whose mesh has a wanted material, under their old mesh numbers.
+    pub fn of_materials(&self, is_wanted: impl Fn(u32) -> bool) -> Self {
+        let wanted = |i: &&Instance| is_wanted(self.meshes[i.mesh as usize].material);
+        let instances = self.instances.iter().filter(wanted).cloned().collect();
+        Self { meshes: self.meshes.clone(), instances }
+    }
+
     /// World-space bounds of every triangle.
     pub fn bounds(&self) -> Aabb {
         self.instances.iter().fold(Aabb::EMPTY, |bounds, inst| {

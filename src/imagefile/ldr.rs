@@ -194,8 +194,11 @@ pub fn write(path: &Path, width: u32, height: u32, rgb8: &[u8]) -> Result<()> {
 /// Linear colours as sRGB bytes: scaled by 2 to the power `exposure_ev`, clamped to the unit
 /// interval, encoded [IEC61966, Section 5], rounded. NaN becomes 0.
 pub fn to_srgb8(linear: &[Color], exposure_ev: f32) -> Vec<u8> {
-    let scale = exposure_ev.exp2();
-    linear.iter().flat_map(|c| c.to_array()).map(|x| to_byte(encode_srgb(x * scale))).collect()
+    // The factor of a picture near the largest number is none of 32 bits.
+    let scale = f64::from(exposure_ev).exp2();
+    let exposed = |x: f32| (f64::from(x) * scale) as f32;
+    let values = linear.iter().flat_map(|c| c.to_array());
+    values.map(|x| to_byte(encode_srgb(exposed(x)))).collect()
 }
 
 /// A value of the unit interval as a byte; clamps, and NaN becomes 0.

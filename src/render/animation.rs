@@ -136,8 +136,9 @@ impl<'a> Job<'a> {
     }
 
     /// Renders a picture for each of `cameras`, which have numbers; all pictures read the same
-    /// records. `finished` is called with each picture. A cancelled sequence ends with the picture
-    /// so far, which is [empty](Frame::is_empty) if none was begun.
+    /// records. An automatic exposure is that of the first picture which is not black. `finished`
+    /// is called with each picture. A cancelled sequence ends with the picture so far, which is
+    /// [empty](Frame::is_empty) if none was begun.
     ///
     /// # Errors
     /// Those of [`Job::run`] and of `finished`.
@@ -181,6 +182,8 @@ impl<'a> Job<'a> {
             progress.start(Phase::Write, 0);
             let mut picture =
                 Rendering::new(self.scene, frame, settings, clock, self.output.clone());
+            // The first frame with any light decides for all: the preview must not flicker.
+            self.output.exposure = picture.output.exposure;
             finished(*number, &picture)?;
             picture.clock.stop();
             self.clock.add(&picture.clock);

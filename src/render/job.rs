@@ -12,6 +12,7 @@ use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
 use crate::ffi::mxcsr;
 use crate::film::Film;
+use crate::imagefile::Exposure;
 use crate::import::default_camera;
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
@@ -260,9 +261,9 @@ impl<'a> Job<'a> {
         self
     }
 
-    /// Exposure of the preview, in stops.
-    pub fn exposure(mut self, stops: f32) -> Self {
-        self.output.exposure = stops;
+    /// Exposure of the preview: stops as an `f32`; by default [`Exposure::Auto`].
+    pub fn exposure(mut self, exposure: impl Into<Exposure>) -> Self {
+        self.output.exposure = exposure.into();
         self
     }
 

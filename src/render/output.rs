@@ -31,6 +31,8 @@ pub struct Facts {
     pub backend: String,
     /// Where the zero of the scene's coordinates lies in the world.
     pub origin: DVec3,
+    /// Stops by which the preview is exposed; the layers are not.
+    pub exposure: f32,
     /// Draw the records over the image and write them as layers.
     pub show_records: bool,
     /// Write 32-bit floats everywhere.
@@ -56,6 +58,7 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
         ("settings", text(&settings.describe())),
         ("seconds", Attribute::Double(facts.seconds)),
         ("samplesPerPixel", Attribute::Int(settings.spp as i32)),
+        ("previewExposure", Attribute::Float(facts.exposure)),
         ("sceneHash", text(&facts.scene_hash)),
         ("backend", text(&facts.backend)),
         ("chromaticities", REC_709),

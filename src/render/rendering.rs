@@ -9,6 +9,7 @@ use super::settings::Settings;
 use super::stats::stats;
 use crate::cache::{CacheFile, Origin};
 use crate::error::Result;
+use crate::imagefile::Exposure;
 use crate::scene::Scene;
 use serde_json::Value;
 use std::path::Path;
@@ -17,7 +18,7 @@ use std::path::Path;
 #[derive(Clone)]
 pub(super) struct Output {
     pub layers: Selection,
-    pub exposure: f32,
+    pub exposure: Exposure,
     pub show_records: bool,
     pub float: bool,
 }
@@ -25,7 +26,7 @@ pub(super) struct Output {
 impl Default for Output {
     fn default() -> Self {
         let layers = Selection::parse("basic").expect("the default layers");
-        Self { layers, exposure: 0.0, show_records: false, float: false }
+        Self { layers, exposure: Exposure::Auto, show_records: false, float: false }
     }
 }
 
@@ -38,7 +39,7 @@ pub struct Rendering<'a> {
     /// The time that it took.
     pub clock: Clock,
     scene: &'a Scene,
-    output: Output,
+    pub(super) output: Output,
     threads: usize,
 }
 
@@ -46,7 +47,15 @@ impl<'a> Rendering<'a> {
     pub(super) fn new(
         scene: &'a Scene, frame: Frame, settings: Settings, clock: Clock, output: Output,
     ) -> Self {
+        let exposure = output.exposure.decided(|| frame.film.radiance());
+        let output = Output { exposure, ..output };
         Self { frame, settings, clock, scene, output, threads: rayon::current_num_threads() }
+    }
+
+    /// Stops by which the preview is exposed: those that [`Job::exposure`](super::Job::exposure)
+    /// was given, or what was found to suit the picture.
+    pub fn exposure(&self) -> f32 {
+        self.output.exposure.stops()
     }
 
     /// Writes the layers of the picture.
@@ -59,6 +68,7 @@ impl<'a> Rendering<'a> {
             scene_hash: self.scene.hash(),
             backend: self.scene.accel().version(),
             origin: self.scene.origin(),
+            exposure: self.exposure(),
             show_records: self.output.show_records,
             float: self.output.float,
         };
@@ -70,7 +80,7 @@ impl<'a> Rendering<'a> {
     /// # Errors
     /// Those of writing the file.
     pub fn write_preview(&self, path: impl AsRef<Path>) -> Result<()> {
-        let Output { exposure, show_records, .. } = self.output;
+        let (exposure, show_records) = (self.exposure(), self.output.show_records);
         write_preview(path.as_ref(), &self.frame, &self.settings, exposure, show_records)
     }
 
@@ -83,9 +93,11 @@ impl<'a> Rendering<'a> {
         CacheFile::new(cache, origin(self.scene, &self.settings)).write(path.as_ref())
     }
 
-    /// Seconds, rays, records, lookups and settings, as the flag `--stats` writes them.
+    /// Seconds, rays, records, lookups, exposure and settings, as the flag `--stats` writes them.
     pub fn stats(&self) -> Value {
-        stats(self.scene, &self.settings, &self.frame, &self.clock, self.threads)
+        let mut stats = stats(self.scene, &self.settings, &self.frame, &self.clock, self.threads);
+        stats["exposure"] = self.exposure().into();
+        stats
     }
 }
 

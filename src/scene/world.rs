@@ -5,8 +5,8 @@ use super::{SceneData, joined};
 use crate::accel::{Accel, Backend, Coherence, Hit, Ray};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
-use crate::geometry::{Aabb, Geometry, Instance, MAP_ROUNDING, SurfacePoint, interpolate};
-use crate::light::{EnvironmentMap, LightSample, LightSource, Lights};
+use crate::geometry::{Aabb, Geometry, MAP_ROUNDING, SurfacePoint, interpolate};
+use crate::light::{EmissionSampler, EnvironmentMap, Focus, LightSample, LightSource, Lights};
 use crate::material::tables::TableStore;
 use crate::material::{Bsdf, Material};
 use crate::math::{Color, Vec3};
@@ -87,14 +87,9 @@ impl Scene {
         let see_through: Vec<bool> = materials.iter().map(|m| !m.is_opaque()).collect();
         let any_see_through = see_through.contains(&true);
         let panes: Vec<bool> = materials.iter().map(Material::may_be_pane).collect();
-        let is_pane = |i: &&Instance| panes[geometry.meshes[i.mesh as usize].material as usize];
-        let standing: Vec<Instance> = geometry.instances.iter().filter(is_pane).cloned().collect();
-        let pane_accel = if standing.is_empty() {
-            None
-        } else {
-            let alone = Geometry { meshes: geometry.meshes.clone(), instances: standing };
-            Some(Accel::build(&alone, backend)?)
-        };
+        let glass = geometry.of_materials(|material| panes[material as usize]);
+        let is_there = !glass.instances.is_empty();
+        let pane_accel = is_there.then(|| Accel::build(&glass, backend)).transpose()?;
         let scene = Self {
             origin,
             geometry,
@@ -170,6 +165,11 @@ impl Scene {
     /// The light sources.
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Starts of light paths; most of those from infinity are aimed at `focus`.
+    pub fn emission_sampler(&self, focus: Option<Focus>) -> EmissionSampler<'_> {
+        EmissionSampler::new(&self.lights, self.bounds).aimed_at(focus)
     }
 
     /// The ray tracing structure.

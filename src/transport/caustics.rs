@@ -1,8 +1,7 @@
 //! Whether a scene has light that light paths alone find.
 
 use crate::accel::Ray;
-use crate::geometry::{Geometry, Instance};
-use crate::light::{Emission, EmissionSampler, Focus, LightSource};
+use crate::light::{Emission, Focus, LightSource};
 use crate::sampling::Sampler;
 use crate::scene::{Scene, same_direction};
 
@@ -19,8 +18,7 @@ pub fn glass_bends_light(scene: &Scene) -> bool {
     if !scene.has_panes() {
         return false;
     }
-    let emission =
-        EmissionSampler::new(scene.lights(), scene.bounds()).aimed_at(Some(around_glass(scene)));
+    let emission = scene.emission_sampler(Some(around_glass(scene)));
     let bent = |number| {
         let mut sampler = Sampler::new(0, number);
         let (place, turn, select) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
@@ -38,10 +36,7 @@ pub fn glass_bends_light(scene: &Scene) -> bool {
 
 /// The ball around everything that may be a pane.
 fn around_glass(scene: &Scene) -> Focus {
-    let Geometry { meshes, instances } = scene.geometry();
-    let is_glass = |i: &&Instance| scene.is_pane(meshes[i.mesh as usize].material);
-    let instances = instances.iter().filter(is_glass).cloned().collect();
-    let bounds = Geometry { meshes: meshes.clone(), instances }.bounds();
+    let bounds = scene.geometry().of_materials(|material| scene.is_pane(material)).bounds();
     Focus { center: bounds.center(), radius: 0.5 * bounds.diagonal() }
 }
 

@@ -2,9 +2,9 @@
 
 use super::bdpt::FirstHits;
 use super::bright::{Bright, Patch};
-use super::focus::focus;
+use super::focus::Seen;
 use super::path::PathTracer;
-use crate::geometry::{Aabb, SurfacePoint, extent};
+use crate::geometry::{Aabb, SurfacePoint};
 use crate::math::Vec3;
 use crate::sampling::{hash, stream};
 use rayon::prelude::*;
@@ -48,14 +48,16 @@ struct Lit {
     flux: f32,
 }
 
-/// The bright surfaces that light up what lies around `points`, without those that gathers find
-/// easily.
-pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64) -> Bright {
+/// The bright surfaces that light up what lies around `points`, which show `seen`, without those
+/// that gathers find easily.
+pub(super) fn find_bright(
+    tracer: PathTracer, points: &[SurfacePoint], seen: Option<Seen>, seed: u64,
+) -> Bright {
     if points.is_empty() || tracer.max_bounces == 0 || tracer.scene.lights().is_empty() {
         return Bright::default();
     }
     let seed = hash(&[seed, stream::BRIGHT]);
-    let walks = FirstHits::new(tracer, focus(points.len(), |i| points[i].position));
+    let walks = FirstHits::new(tracer, seen.map(|seen| seen.focus));
     let lit = |number: u32| {
         let (vertex, flux) = walks.trace(seed, number)?;
         let words = hash(&[seed, u64::from(number)]);
@@ -73,9 +75,9 @@ pub(super) fn find_bright(tracer: PathTracer, points: &[SurfacePoint], seed: u64
             break;
         }
     }
-    let extent = extent(points.len(), |i| points[i].position);
+    let extent = seen.map_or(f32::MIN_POSITIVE, |seen| seen.extent);
     let lit = found.iter().map(|l| l.point).collect();
-    let mut patches = clusters(&mut found, SMALLEST * extent.unwrap_or(f32::MIN_POSITIVE));
+    let mut patches = clusters(&mut found, SMALLEST * extent);
     let needed = variances(&patches, points);
     let mut order: Vec<usize> = (0..patches.len()).filter(|&k| needed[k] > VARIANCE).collect();
     order.sort_by(|&a, &b| needed[b].total_cmp(&needed[a]));

@@ -5,7 +5,7 @@ use super::bdpt::LightPaths;
 use super::bright::{Bright, Cones};
 use super::direct::LightPoints;
 use super::find_bright::find_bright;
-use super::focus::focus;
+use super::focus::{Seen, seen};
 use super::hit_change::{Change, Views};
 use super::path::{PathTracer, Start};
 use super::vertex::{Aim, Origin, Vertex};
@@ -13,7 +13,6 @@ use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::gather::{Bundle, Deeper, DirectLight, HitChange, HitKind, LightChoice, RadianceProbe};
 use crate::geometry::SurfacePoint;
-use crate::light::Focus;
 use crate::math::{Color, Vec2, Vec3};
 use crate::sampling::{Rng, Sampler, hash, stream};
 use std::sync::OnceLock;
@@ -25,7 +24,7 @@ pub struct SceneProbe<'a> {
     tracer: PathTracer<'a>,
     lobes: Option<CachedLobes<'a>>,
     /// What the first fill is for.
-    focus: OnceLock<Option<Focus>>,
+    seen: OnceLock<Option<Seen>>,
     /// Made when a gather first asks for light paths.
     light_paths: OnceLock<LightPaths<'a>>,
     /// Found when the first fill begins.
@@ -57,7 +56,7 @@ impl<'a> SceneProbe<'a> {
         Self {
             tracer,
             lobes: None,
-            focus: OnceLock::new(),
+            seen: OnceLock::new(),
             light_paths: OnceLock::new(),
             bright: OnceLock::new(),
             counts: Counts::default(),
@@ -66,17 +65,22 @@ impl<'a> SceneProbe<'a> {
 
     /// Aims light paths from infinity at what lies around `points`, unless that was done before.
     pub fn aim_at(&self, points: &[SurfacePoint]) {
-        self.focus.get_or_init(|| focus(points.len(), |i| points[i].position));
+        self.seen(points);
+    }
+
+    /// What `points` show, or what those of the first fill did.
+    fn seen(&self, points: &[SurfacePoint]) -> Option<Seen> {
+        *self.seen.get_or_init(|| seen(points.len(), |i| points[i].position))
     }
 
     fn new_light_paths(&self) -> LightPaths<'a> {
-        LightPaths::new(self.tracer, self.focus.get().copied().flatten())
+        LightPaths::new(self.tracer, self.seen.get().and_then(|seen| Some(seen.as_ref()?.focus)))
     }
 
     /// Looks for the small bright surfaces that light up what lies around `points`, unless that was
     /// done before; `seed` chooses the light paths that find them.
     pub fn seek_bright(&self, points: &[SurfacePoint], seed: u64) {
-        self.bright.get_or_init(|| find_bright(self.tracer, points, seed));
+        self.bright.get_or_init(|| find_bright(self.tracer, points, self.seen(points), seed));
     }
 
     /// The small bright surfaces that were found.

@@ -220,7 +220,8 @@ fn a_sequence_is_numbered_and_its_records_are_counted() {
         desk.files(),
         ["a.03.exr", "a.04.exr", "a.05.exr", "p.0003.png", "p.0004.png", "p.0005.png", "s.json"]
     );
-    assert_eq!(table.lines().count(), 4, "{table}");
+    assert_eq!(table.lines().count(), 5, "{table}");
+    assert!(table.lines().last().unwrap().starts_with("p.png: exposed by "), "{table}");
     let stats = desk.json("s.json");
     let frames = stats["frames"].as_array().unwrap();
     let records = |k: usize| frames[k]["new_records"].as_u64().unwrap();

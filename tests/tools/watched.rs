@@ -117,7 +117,9 @@ fn an_interrupt_keeps_the_picture_so_far() {
         ];
         let output = interrupted(&desk, &more);
         assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-        assert_eq!((text(&output.stdout), text(&output.stderr)), (String::new(), String::new()));
+        let (told, error) = (text(&output.stdout), text(&output.stderr));
+        assert!(told.starts_with("out.png: exposed by ") && told.lines().count() == 1, "{told}");
+        assert_eq!(error, "");
         assert_eq!(desk.files(), ["out.exr", "out.json", "out.png"]);
         let layers = exr::read(&desk.path("out.exr")).unwrap();
         assert_eq!(

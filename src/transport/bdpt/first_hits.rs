@@ -26,9 +26,7 @@ struct Waiting {
 impl<'a> FirstHits<'a> {
     /// Of the lights of `tracer`'s scene; light from infinity is wanted at the focus.
     pub fn new(tracer: PathTracer<'a>, focus: Option<Focus>) -> Self {
-        let emission =
-            EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds()).aimed_at(focus);
-        Self { tracer, emission }
+        Self { tracer, emission: tracer.scene.emission_sampler(focus) }
     }
 
     /// Where light path `number` of those of `seed` arrives, and the luminance of the flux that is

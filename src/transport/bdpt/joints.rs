@@ -55,7 +55,7 @@ impl<'a> LightPaths<'a> {
         let walls = focus.map_or(walls, |focus| walls.min(8.0 * focus.radius * focus.radius));
         Self {
             tracer,
-            emission: EmissionSampler::new(tracer.scene.lights(), bounds).aimed_at(focus),
+            emission: tracer.scene.emission_sampler(focus),
             area: walls.max(f32::MIN_POSITIVE),
         }
     }

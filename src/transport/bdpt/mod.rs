@@ -60,8 +60,7 @@ impl<'a> Bidirectional<'a> {
     /// y1, ends excluded) of an image of `size` pixels.
     pub fn new(tracer: PathTracer<'a>, camera: Camera, size: [u32; 2], window: [u32; 4]) -> Self {
         let focus = tracer.focus_of(&camera, size, window);
-        let emission =
-            EmissionSampler::new(tracer.scene.lights(), tracer.scene.bounds()).aimed_at(focus);
+        let emission = tracer.scene.emission_sampler(focus);
         Self { tracer, camera, size, window, emission }
     }
 

@@ -7,7 +7,7 @@ use super::{Bidirectional, Workspace};
 use crate::accel::Backend;
 use crate::camera::{Camera, Projection};
 use crate::geometry::{Geometry, Instance, TriangleMesh};
-use crate::light::{EmissionSampler, EnvironmentMap, Focus, PunctualLight};
+use crate::light::{EnvironmentMap, Focus, PunctualLight};
 use crate::material::Material;
 use crate::math::{Affine3A, Color, Vec3};
 use crate::scene::{Scene, SceneData};
@@ -105,7 +105,7 @@ fn check(focus: Option<Focus>) {
     let size = [16, 16];
     let tracer = PathTracer { scene: &scene, max_bounces: u32::MAX };
     let mut bdpt = Bidirectional::new(tracer, camera.clone(), size, [0, 0, 16, 16]);
-    bdpt.emission = EmissionSampler::new(scene.lights(), scene.bounds()).aimed_at(focus);
+    bdpt.emission = scene.emission_sampler(focus);
     let mut work = Workspace::default();
     let mut kinds = [0; 4];
     for index in 0..2400 {
