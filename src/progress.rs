@@ -14,13 +14,16 @@ pub enum Phase {
     Fill,
     /// Rendering pixels.
     Render,
+    /// Taking out noise.
+    Denoise,
     /// Writing files.
     Write,
 }
 
 impl Phase {
     /// Every phase, in the order in which a run goes through them.
-    pub const ALL: [Self; 5] = [Self::Load, Self::Build, Self::Fill, Self::Render, Self::Write];
+    pub const ALL: [Self; 6] =
+        [Self::Load, Self::Build, Self::Fill, Self::Render, Self::Denoise, Self::Write];
 
     /// The name as it is shown and written into statistics.
     pub fn name(self) -> &'static str {
@@ -29,6 +32,7 @@ impl Phase {
             Self::Build => "accel build",
             Self::Fill => "fill",
             Self::Render => "render",
+            Self::Denoise => "denoise",
             Self::Write => "write",
         }
     }

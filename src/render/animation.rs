@@ -1,6 +1,7 @@
 //! Pictures of a camera that moves: which frames, from where, and into which files.
 
 use super::clock::Clock;
+use super::denoise::Found;
 use super::frame::Frame;
 use super::job::{Job, on_workers};
 use super::rendering::Rendering;
@@ -152,6 +153,7 @@ impl<'a> Job<'a> {
         mut finished: impl FnMut(u32, &Rendering) -> Result<()>,
     ) -> Result<Sequence<'a>> {
         let settings = self.settings()?;
+        let found = Found::new(settings.denoise, &self.denoisers)?;
         let mut caches = self.begin(&settings)?;
         let nobody = Progress::default();
         let progress = self.progress.unwrap_or(&nobody);
@@ -164,7 +166,9 @@ impl<'a> Job<'a> {
             growth = match filled {
                 Err(Error::Cancelled) => {
                     let frame = Frame { cancelled: true, ..Frame::empty(&settings, Some(caches))? };
-                    let last = Rendering::new(self.scene, frame, settings, self.clock, self.output);
+                    let (clock, output) = (self.clock, self.output);
+                    let last =
+                        Rendering::new(self.scene, frame, settings, clock, output, Vec::new());
                     return Ok(Sequence { last, costs: Vec::new() });
                 }
                 filled => filled?,
@@ -176,11 +180,12 @@ impl<'a> Job<'a> {
             let mut clock = Clock::default();
             clock.start(Phase::Render);
             let (caches, watcher) = (caches.as_ref(), &mut self.watcher);
-            let frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
+            let mut frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
+            let warnings = found.denoise(&mut frame, &settings, &mut clock, progress);
             clock.start(Phase::Write);
             progress.start(Phase::Write, 0);
             let mut picture =
-                Rendering::new(self.scene, frame, settings, clock, self.output.clone());
+                Rendering::new(self.scene, frame, settings, clock, self.output.clone(), warnings);
             finished(*number, &picture)?;
             picture.clock.stop();
             self.clock.add(&picture.clock);

@@ -2,6 +2,7 @@
 
 use super::caches::Caches;
 use super::clock::Clock;
+use super::denoise::{Denoise, Found};
 use super::frame::{Frame, Watcher};
 use super::rendering::{Output, Rendering, origin};
 use super::selection::Selection;
@@ -57,6 +58,8 @@ pub struct Job<'a> {
     max_bounces: u32,
     seed: u64,
     prepass_only: bool,
+    denoise: Denoise,
+    pub(super) denoisers: Vec<PathBuf>,
     before: Before,
     pub(super) progress: Option<&'a Progress>,
     pub(super) watcher: Box<Watcher<'a>>,
@@ -102,6 +105,8 @@ impl<'a> Job<'a> {
             max_bounces: u32::MAX,
             seed: 0,
             prepass_only: false,
+            denoise: Denoise::Off,
+            denoisers: Vec::new(),
             before: Before::Nothing,
             progress: None,
             watcher: Box::new(|_, _| ()),
@@ -124,6 +129,7 @@ impl<'a> Job<'a> {
             max_bounces: settings.max_bounces,
             seed: settings.seed,
             prepass_only: settings.prepass_only,
+            denoise: settings.denoise,
             ..Self::new(scene)
         }
     }
@@ -219,6 +225,14 @@ impl<'a> Job<'a> {
     /// Fills the cache, but renders nothing.
     pub fn prepass_only(mut self, only: bool) -> Self {
         self.prepass_only = only;
+        self
+    }
+
+    /// Takes the noise out of what was traced; by default off. `places` are files of Open Image
+    /// Denoise, or folders that may have it: see [`denoiser_places`](super::denoiser_places). The
+    /// system's folders are searched last.
+    pub fn denoise(mut self, denoise: Denoise, places: &[PathBuf]) -> Self {
+        (self.denoise, self.denoisers) = (denoise, places.to_vec());
         self
     }
 
@@ -322,6 +336,7 @@ impl<'a> Job<'a> {
             max_bounces: self.max_bounces,
             seed: self.seed,
             prepass_only: self.prepass_only,
+            denoise: self.denoise,
         };
         settings.check()?;
         Ok(settings)
@@ -348,6 +363,7 @@ impl<'a> Job<'a> {
 
     fn render(mut self) -> Result<Rendering<'a>> {
         let settings = self.settings()?;
+        let found = Found::new(settings.denoise, &self.denoisers)?;
         let mut caches = self.begin(&settings)?;
         let nobody = Progress::default();
         let progress = self.progress.unwrap_or(&nobody);
@@ -355,7 +371,7 @@ impl<'a> Job<'a> {
             self.clock.start(Phase::Fill);
             fill_for_camera(caches, self.scene, &settings, &[], progress)
         });
-        let frame = match births.transpose() {
+        let mut frame = match births.transpose() {
             Err(Error::Cancelled) => {
                 Frame { cancelled: true, ..Frame::empty(&settings, caches.as_ref())? }
             }
@@ -367,8 +383,9 @@ impl<'a> Job<'a> {
                 Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)?
             }
         };
+        let warnings = found.denoise(&mut frame, &settings, &mut self.clock, progress);
         self.clock.stop();
-        Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output))
+        Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output, warnings))
     }
 
     /// The caches with the records to begin with; `None` for an integrator without records.

@@ -39,7 +39,7 @@ pub struct Facts {
 
 fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
     let film = &frame.film;
-    let mut picture = film.picture(selection.layers().iter().copied());
+    let mut picture = film.picture(selection.of(film.is_denoised()));
     if let Some(caches) = frame.caches.as_ref().filter(|_| facts.show_records) {
         let drawn = overlay::draw(film, &caches.cache, settings);
         picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);

@@ -37,6 +37,8 @@ pub struct Rendering<'a> {
     pub settings: Settings,
     /// The time that it took.
     pub clock: Clock,
+    /// What to tell the user, such as that the denoiser is missing.
+    pub warnings: Vec<String>,
     scene: &'a Scene,
     output: Output,
     threads: usize,
@@ -45,8 +47,10 @@ pub struct Rendering<'a> {
 impl<'a> Rendering<'a> {
     pub(super) fn new(
         scene: &'a Scene, frame: Frame, settings: Settings, clock: Clock, output: Output,
+        warnings: Vec<String>,
     ) -> Self {
-        Self { frame, settings, clock, scene, output, threads: rayon::current_num_threads() }
+        let threads = rayon::current_num_threads();
+        Self { frame, settings, clock, warnings, scene, output, threads }
     }
 
     /// Writes the layers of the picture.

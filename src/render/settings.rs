@@ -1,14 +1,20 @@
 //! One frame's settings, every number decided, and the samples that follow from them.
 
+use super::denoise::Denoise;
 use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_room};
-use crate::film::Pixel;
+use crate::film::{Parts, Pixel};
+use crate::math::Color;
 use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
+use crate::words::Words;
 
 /// Bytes per pixel of the default layers of the output.
 const LAYERS: usize = 26 * 4;
+
+/// Bytes per pixel of denoising: the parts twice, light before and after, albedo and normal.
+const DENOISED: usize = 2 * size_of::<Parts>() + 4 * size_of::<Color>() + 8;
 
 /// Which light transport makes the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +62,8 @@ pub struct Settings {
     pub seed: u64,
     /// Fill the cache, but render nothing.
     pub prepass_only: bool,
+    /// Take the noise out of what was traced.
+    pub denoise: Denoise,
 }
 
 impl Settings {
@@ -76,6 +84,9 @@ impl Settings {
             self.seed,
             self.camera.name,
         );
+        if self.denoise != Denoise::Off {
+            text += &format!(" denoise={}", self.denoise.word());
+        }
         if self.integrator == IntegratorKind::Cache {
             text += &format!(
                 " scheme={}",
@@ -99,8 +110,9 @@ impl Settings {
         }
         // Nothing is lost later for want of memory that is known to be wanted now.
         let pixels = u64::from(x1 - x0) * u64::from(y1 - y0);
-        let bytes =
-            pixels * (size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS)) as u64;
+        let denoised = if self.denoise == Denoise::Off { 0 } else { DENOISED };
+        let each = size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS) + denoised;
+        let bytes = pixels * each as u64;
         check_room(format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0), bytes)
     }
 }

@@ -1,0 +1,271 @@
+//! Open Image Denoise 2 or newer, loaded at run time: the functions of its C interface that a filter
+//! of one picture needs, and a safe wrapper around them.
+//!
+//! The library's names stay out of the global scope, so a host that has another copy keeps its own.
+//! The library is never unloaded, because its threads outlive its devices.
+
+use crate::math::Vec3;
+use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::{Path, PathBuf};
+use std::ptr::NonNull;
+
+/// The file name of the library.
+const NAME: &str = "libOpenImageDenoise.so.2";
+/// Where the library lies in a folder that somebody names: there, in an installation, and in the
+/// Python package `pyoidn`.
+const INSIDE: [&str; 4] = ["", "lib", "oidn/lib", "pyoidn/oidn/lib"];
+/// `oidnGetDeviceInt(device, "version")` of the oldest version that will do.
+const OLDEST: c_int = 2_00_00;
+/// The library stays loaded when its handle is closed.
+const RTLD_NODELETE: c_int = if cfg!(target_os = "macos") { 0x80 } else { 0x1000 };
+
+const DEVICE_CPU: c_int = 1;
+const FORMAT_FLOAT3: c_int = 3;
+/// Most megabytes of a filter's own memory: larger pictures are filtered in tiles that overlap.
+/// Pictures of 4096 x 4096 pixels are.
+const MEMORY: c_int = 2048;
+
+/// An object of the library.
+type Handle = NonNull<c_void>;
+
+macro_rules! functions {
+    ($($field:ident: $name:literal, fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
+        /// The functions of the library.
+        #[derive(Clone, Copy)]
+        struct Functions {
+            $($field: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
+        }
+
+        impl Functions {
+            /// The functions of `library`; the name of the first that it lacks, if it does.
+            fn of(library: &Library) -> Result<Self, &'static str> {
+                // SAFETY: the functions have these types in every 2.x of the library.
+                Ok(Self { $($field: *unsafe { library.get(concat!($name, "\0").as_bytes()) }
+                    .map_err(|_| $name)?,)* })
+            }
+        }
+    };
+}
+
+functions! {
+    new_device: "oidnNewDevice", fn(c_int) -> Option<Handle>;
+    set_device_bool: "oidnSetDeviceBool", fn(Handle, *const c_char, bool);
+    set_device_int: "oidnSetDeviceInt", fn(Handle, *const c_char, c_int);
+    get_device_int: "oidnGetDeviceInt", fn(Handle, *const c_char) -> c_int;
+    commit_device: "oidnCommitDevice", fn(Handle);
+    get_device_error: "oidnGetDeviceError", fn(Option<Handle>, *mut *const c_char) -> c_int;
+    release_device: "oidnReleaseDevice", fn(Handle);
+    new_filter: "oidnNewFilter", fn(Handle, *const c_char) -> Option<Handle>;
+    set_image: "oidnSetSharedFilterImage",
+        fn(Handle, *const c_char, *mut c_void, c_int, usize, usize, usize, usize, usize);
+    set_filter_bool: "oidnSetFilterBool", fn(Handle, *const c_char, bool);
+    set_filter_int: "oidnSetFilterInt", fn(Handle, *const c_char, c_int);
+    commit_filter: "oidnCommitFilter", fn(Handle);
+    execute_filter: "oidnExecuteFilter", fn(Handle);
+    release_filter: "oidnReleaseFilter", fn(Handle);
+}
+
+/// The library, loaded.
+pub struct Denoiser {
+    functions: Functions,
+    path: PathBuf,
+    version: c_int,
+    /// Keeps the library open.
+    _library: Library,
+}
+
+/// A picture to be denoised, row by row, and what is known of its surfaces without noise. All
+/// numbers are finite.
+pub struct Noisy<'a> {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Linear light.
+    pub color: &'a [Vec3],
+    /// Albedo, 0 to 1.
+    pub albedo: &'a [Vec3],
+    /// Normals, in any frame.
+    pub normal: &'a [Vec3],
+}
+
+impl Denoiser {
+    /// Loads the library from the first of `places` (files, or folders that hold the library) that
+    /// exists, else by its name from the system's folders.
+    ///
+    /// # Errors
+    /// One line that says what is missing or wrong.
+    pub fn load(places: &[PathBuf]) -> Result<Self, String> {
+        let library = places.iter().find_map(|place| library_at(place));
+        Self::open(&library.unwrap_or_else(|| NAME.into()))
+    }
+
+    /// Loads the file at `path`.
+    fn open(path: &Path) -> Result<Self, String> {
+        let named = path.display();
+        // SAFETY: loading runs initialisers of the library, which ask for nothing.
+        let library = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE) }
+            .map_err(|e| format!("Open Image Denoise was not found ({e})"))?;
+        let functions = Functions::of(&library).map_err(|name| {
+            format!("{named} is not Open Image Denoise 2 or newer: it has no function {name}")
+        })?;
+        let mut this = Self { functions, path: path.to_owned(), version: 0, _library: library };
+        let version = this.device(1).map(|device| device.version());
+        this.version = version.map_err(|what| format!("{named}: {what}"))?;
+        if this.version < OLDEST {
+            let version = this.version();
+            return Err(format!("{named} is Open Image Denoise {version}: 2.0 or newer is needed"));
+        }
+        Ok(this)
+    }
+
+    /// The version, such as "2.5.1".
+    pub fn version(&self) -> String {
+        let v = self.version;
+        format!("{}.{}.{}", v / 10000, v / 100 % 100, v % 100)
+    }
+
+    /// The file of the library; its bare name if the system found it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// `noisy` without its noise, by `threads` threads. Numbers of the result may be negative.
+    ///
+    /// # Errors
+    /// The library's own message.
+    pub fn run(&self, noisy: &Noisy, threads: usize) -> Result<Vec<Vec3>, String> {
+        let [width, height] = noisy.size.map(|n| n as usize);
+        let inputs =
+            [(c"color", noisy.color), (c"albedo", noisy.albedo), (c"normal", noisy.normal)];
+        if inputs.iter().any(|(_, pixels)| pixels.len() != width * height) || width * height == 0 {
+            return Err(format!("the images to denoise do not have {width} x {height} pixels"));
+        }
+        let mut output = vec![Vec3::ZERO; width * height];
+        let device = self.device(threads)?;
+        let filter = device.filter()?;
+        for (name, pixels) in inputs {
+            filter.image(name, pixels.as_ptr().cast_mut().cast(), [width, height]);
+        }
+        filter.image(c"output", output.as_mut_ptr().cast(), [width, height]);
+        filter.run(&device)?;
+        Ok(output)
+    }
+
+    /// A device for processors, not for graphics cards.
+    fn device(&self, threads: usize) -> Result<Device<'_>, String> {
+        let f = &self.functions;
+        // SAFETY: the handle is used while the device lives, and the strings end in NUL.
+        unsafe {
+            let Some(handle) = (f.new_device)(DEVICE_CPU) else {
+                return Err(failure(f, None).unwrap_or_else(|| "no device".to_owned()));
+            };
+            let device = Device { functions: f, handle };
+            let threads = c_int::try_from(threads).unwrap_or(0);
+            (f.set_device_int)(handle, c"numThreads".as_ptr(), threads);
+            (f.set_device_bool)(handle, c"setAffinity".as_ptr(), false);
+            (f.commit_device)(handle);
+            device.checked()
+        }
+    }
+}
+
+/// The library that `place` is or holds.
+fn library_at(place: &Path) -> Option<PathBuf> {
+    let files = INSIDE.iter().map(|folder| place.join(folder).join(NAME));
+    let file = std::iter::once(place.to_owned()).chain(files).find(|path| path.is_file())?;
+    // A path without a slash would be looked for elsewhere.
+    file.canonicalize().ok()
+}
+
+/// What went wrong since somebody asked last.
+fn failure(functions: &Functions, device: Option<Handle>) -> Option<String> {
+    let mut message = std::ptr::null();
+    // SAFETY: the message lives until the next call.
+    unsafe {
+        let code = (functions.get_device_error)(device, &raw mut message);
+        let text = || match message.is_null() {
+            true => format!("error {code}"),
+            false => CStr::from_ptr(message).to_string_lossy().into_owned(),
+        };
+        (code != 0).then(text)
+    }
+}
+
+/// A device, released when dropped.
+struct Device<'a> {
+    functions: &'a Functions,
+    handle: Handle,
+}
+
+impl<'a> Device<'a> {
+    /// The device, unless something went wrong.
+    fn checked(self) -> Result<Self, String> {
+        failure(self.functions, Some(self.handle)).map_or(Ok(self), Err)
+    }
+
+    fn version(&self) -> c_int {
+        // SAFETY: the device is alive, and the string ends in NUL.
+        unsafe { (self.functions.get_device_int)(self.handle, c"version".as_ptr()) }
+    }
+
+    /// A filter for traced pictures of linear light with guides that have no noise.
+    fn filter(&self) -> Result<Filter<'a>, String> {
+        let f = self.functions;
+        // SAFETY: the device is alive, and the strings end in NUL.
+        unsafe {
+            let Some(handle) = (f.new_filter)(self.handle, c"RT".as_ptr()) else {
+                let what = failure(f, Some(self.handle));
+                return Err(what.unwrap_or_else(|| "no filter".to_owned()));
+            };
+            (f.set_filter_bool)(handle, c"hdr".as_ptr(), true);
+            (f.set_filter_bool)(handle, c"cleanAux".as_ptr(), true);
+            (f.set_filter_int)(handle, c"maxMemoryMB".as_ptr(), MEMORY);
+            Ok(Filter { functions: f, handle })
+        }
+    }
+}
+
+impl Drop for Device<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the device is alive, and nothing uses it any more.
+        unsafe { (self.functions.release_device)(self.handle) }
+    }
+}
+
+/// A filter, released when dropped.
+struct Filter<'a> {
+    functions: &'a Functions,
+    handle: Handle,
+}
+
+impl Filter<'_> {
+    /// Names `width` x `height` pixels of three floats. They live until the filter is dropped.
+    fn image(&self, name: &CStr, pixels: *mut c_void, [width, height]: [usize; 2]) {
+        let image = self.functions.set_image;
+        // SAFETY: the filter is alive, and there are as many pixels; zero stands for no gaps.
+        unsafe {
+            image(self.handle, name.as_ptr(), pixels, FORMAT_FLOAT3, width, height, 0, 0, 0);
+        }
+    }
+
+    fn run(&self, device: &Device) -> Result<(), String> {
+        // SAFETY: filter and device are alive, and so are the images.
+        unsafe {
+            (self.functions.commit_filter)(self.handle);
+            (self.functions.execute_filter)(self.handle);
+        }
+        failure(device.functions, Some(device.handle)).map_or(Ok(()), Err)
+    }
+}
+
+impl Drop for Filter<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the filter is alive, and nothing uses it any more.
+        unsafe { (self.functions.release_filter)(self.handle) }
+    }
+}
+
+// SAFETY: the functions of the library may be called from any thread.
+unsafe impl Send for Denoiser {}
+// SAFETY: as above; each call makes a device of its own.
+unsafe impl Sync for Denoiser {}
