@@ -126,8 +126,8 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
 /// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`),
 /// `denoiser=PATH` (the file of Open Image Denoise, or a folder that has it; default: what the
-/// environment variable LUMICACHE_OIDN names, else `lumicache/oidn` in the user's data folder; the
-/// system's folders are searched last).
+/// environment variable LUMICACHE_OIDN names, else `lumicache/oidn` in the user's data folder, then
+/// the system's folders).
 /// `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.

@@ -10,8 +10,8 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 
-/// The file name of the library.
-const NAME: &str = "libOpenImageDenoise.so.2";
+/// The file name of the library. As a place it stands for the system's folders.
+pub const NAME: &str = "libOpenImageDenoise.so.2";
 /// Where the library lies in a folder that somebody names: there, in an installation, and in the
 /// Python package `pyoidn`.
 const INSIDE: [&str; 4] = ["", "lib", "oidn/lib", "pyoidn/oidn/lib"];
@@ -25,6 +25,9 @@ const FORMAT_FLOAT3: c_int = 3;
 /// Most megabytes of a filter's own memory: larger pictures are filtered in tiles that overlap.
 /// Pictures of 4096 x 4096 pixels are.
 const MEMORY: c_int = 2048;
+
+/// Columns and rows below which the network has too little to look at.
+const LEAST: usize = 32;
 
 /// An object of the library.
 type Handle = NonNull<c_void>;
@@ -89,22 +92,32 @@ pub struct Noisy<'a> {
 }
 
 impl Denoiser {
-    /// Loads the library from the first of `places` (files, or folders that hold the library) that
-    /// exists, else by its name from the system's folders.
+    /// Loads the library from the first of `places` that has it: files, folders that hold it, or
+    /// its bare name [`NAME`] for the system's folders.
     ///
     /// # Errors
     /// One line that says what is missing or wrong.
     pub fn load(places: &[PathBuf]) -> Result<Self, String> {
-        let library = places.iter().find_map(|place| library_at(place));
-        Self::open(&library.unwrap_or_else(|| NAME.into()))
+        let mut missing = Vec::new();
+        for place in places {
+            if place.as_os_str() == NAME {
+                match library(place) {
+                    Ok(library) => return Self::new(library, place),
+                    Err(error) => missing.push(error),
+                }
+            } else if let Some(file) = library_at(place) {
+                let library = library(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+                return Self::new(library, &file);
+            } else {
+                missing.push(format!("{}: no file, and no folder with it", place.display()));
+            }
+        }
+        Err(format!("Open Image Denoise was not found ({})", missing.join("; ")))
     }
 
-    /// Loads the file at `path`.
-    fn open(path: &Path) -> Result<Self, String> {
+    /// The denoiser in `library`, which is the file at `path`.
+    fn new(library: Library, path: &Path) -> Result<Self, String> {
         let named = path.display();
-        // SAFETY: loading runs initialisers of the library, which ask for nothing.
-        let library = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE) }
-            .map_err(|e| format!("Open Image Denoise was not found ({e})"))?;
         let functions = Functions::of(&library).map_err(|name| {
             format!("{named} is not Open Image Denoise 2 or newer: it has no function {name}")
         })?;
@@ -135,18 +148,38 @@ impl Denoiser {
     /// The library's own message.
     pub fn run(&self, noisy: &Noisy, threads: usize) -> Result<Vec<Vec3>, String> {
         let [width, height] = noisy.size.map(|n| n as usize);
-        let inputs =
-            [(c"color", noisy.color), (c"albedo", noisy.albedo), (c"normal", noisy.normal)];
-        if inputs.iter().any(|(_, pixels)| pixels.len() != width * height) || width * height == 0 {
+        let inputs = [noisy.color, noisy.albedo, noisy.normal];
+        if inputs.iter().any(|pixels| pixels.len() != width * height) || width * height == 0 {
             return Err(format!("the images to denoise do not have {width} x {height} pixels"));
         }
-        let mut output = vec![Vec3::ZERO; width * height];
+        let wide = [width.max(LEAST), height.max(LEAST)];
+        if wide == [width, height] {
+            return self.filter(inputs, wide, threads);
+        }
+        // Of small pictures the last column and row are repeated.
+        let widen = |pixels: &[Vec3]| -> Vec<Vec3> {
+            let at = |i: usize| {
+                let (x, y) = (i % wide[0], i / wide[0]);
+                pixels[y.min(height - 1) * width + x.min(width - 1)]
+            };
+            (0..wide[0] * wide[1]).map(at).collect()
+        };
+        let [color, albedo, normal] = inputs.map(widen);
+        let output = self.filter([&color, &albedo, &normal], wide, threads)?;
+        Ok((0..width * height).map(|i| output[i / width * wide[0] + i % width]).collect())
+    }
+
+    /// Filters colour by albedo and normal, each of this size.
+    fn filter(
+        &self, [color, albedo, normal]: [&[Vec3]; 3], size: [usize; 2], threads: usize,
+    ) -> Result<Vec<Vec3>, String> {
+        let mut output = vec![Vec3::ZERO; size[0] * size[1]];
         let device = self.device(threads)?;
         let filter = device.filter()?;
-        for (name, pixels) in inputs {
-            filter.image(name, pixels.as_ptr().cast_mut().cast(), [width, height]);
+        for (name, pixels) in [(c"color", color), (c"albedo", albedo), (c"normal", normal)] {
+            filter.image(name, pixels.as_ptr().cast_mut().cast(), size);
         }
-        filter.image(c"output", output.as_mut_ptr().cast(), [width, height]);
+        filter.image(c"output", output.as_mut_ptr().cast(), size);
         filter.run(&device)?;
         Ok(output)
     }
@@ -167,6 +200,13 @@ impl Denoiser {
             device.checked()
         }
     }
+}
+
+/// Loads the file at `path`.
+fn library(path: &Path) -> Result<Library, String> {
+    // SAFETY: loading runs initialisers of the library, which ask for nothing.
+    unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE) }
+        .map_err(|error| error.to_string())
 }
 
 /// The library that `place` is or holds.

@@ -3,10 +3,11 @@
 use super::clock::Clock;
 use super::denoise::Found;
 use super::frame::Frame;
-use super::job::{Job, on_workers};
+use super::job::Job;
 use super::rendering::Rendering;
 use super::sequence::{Growth, fill_sequence};
 use super::settings::Settings;
+use super::threads::on_workers;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::progress::{Phase, Progress};

@@ -1,19 +1,18 @@
 //! Noise taken out of a finished frame, by Open Image Denoise.
 //!
 //! Only what is noisy is filtered: all light of path tracers, and with a cache the light that no
-//! record brought. Parts that are noisy everywhere are filtered together, undivided by albedo, and
-//! the result is split in the proportion of the parts around a pixel: docs/RESULTS.md has the
-//! errors of other ways.
+//! record brought. Direct and indirect light are two pictures, not divided by albedo: docs/RESULTS.md
+//! has the errors of other ways. The result is split into diffuse and glossy light in the proportion
+//! that they have around a pixel.
 
 use super::clock::Clock;
 use super::frame::Frame;
-use super::settings::{IntegratorKind, Settings};
+use super::settings::{Denoise, IntegratorKind, Settings};
 use crate::error::{Error, Result};
-use crate::ffi::denoise::{Denoiser, Noisy};
+use crate::ffi::denoise::{Denoiser, NAME, Noisy};
 use crate::film::{Film, Parts, Pixel};
 use crate::math::{Color, Vec3};
 use crate::progress::{Phase, Progress};
-use crate::words::words;
 use rayon::prelude::*;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -28,24 +27,13 @@ const GLOSSY_INDIRECT: usize = 3;
 const AROUND: i64 = 3;
 /// Squared difference of albedo or normal at which a pixel counts 1/e.
 const ALIKE: f32 = 0.02;
-/// Paths that stand in for missing records are filtered where they are more than so large a share.
+/// The share of pixels up to which paths in place of missing records are not worth a filter.
 const STRAYS: f32 = 0.002;
 
-words! {
-    /// Whether a picture is denoised.
-    pub enum Denoise {
-        /// Where Open Image Denoise is installed.
-        Auto = "auto",
-        /// Always: without Open Image Denoise nothing is rendered.
-        On = "on",
-        /// Never.
-        Off = "off",
-    }
-}
-
-/// Where programs look for Open Image Denoise before the system's folders: the file or folder that
-/// the environment variable `LUMICACHE_OIDN` names, else `lumicache/oidn` in the user's data folder
-/// (`XDG_DATA_HOME`, `~/.local/share`). `variable` reads the environment.
+/// Where programs look for Open Image Denoise: in the file or folder that the environment variable
+/// `LUMICACHE_OIDN` names and nowhere else, or without it in `lumicache/oidn` of the user's data
+/// folder (`XDG_DATA_HOME`, `~/.local/share`), then in the system's folders. `variable` reads the
+/// environment.
 pub fn denoiser_places(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let path = |name: &str| variable(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     if let Some(named) = path("LUMICACHE_OIDN") {
@@ -53,10 +41,11 @@ pub fn denoiser_places(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathB
     }
     let data = path("XDG_DATA_HOME").filter(|p| p.is_absolute());
     let data = data.or_else(|| Some(path("HOME")?.join(".local/share")));
-    data.into_iter().map(|folder| folder.join("lumicache/oidn")).collect()
+    let ours = data.map(|folder| folder.join("lumicache/oidn"));
+    ours.into_iter().chain([PathBuf::from(NAME)]).collect()
 }
 
-/// Open Image Denoise from the first of `places` that has it, else from the system's folders.
+/// Open Image Denoise from the first of `places` that has it: see [`denoiser_places`].
 ///
 /// # Errors
 /// [`Error::Device`] that says what is missing, and how to get it.
@@ -153,7 +142,7 @@ impl Guides {
 
 /// Parts that are filtered as one picture.
 struct Pass {
-    parts: Vec<usize>,
+    parts: &'static [usize],
     /// How much of each pixel's light was traced, not brought by records, which stays as it is.
     /// Without it, all.
     traced: Option<Vec<f32>>,
@@ -161,24 +150,17 @@ struct Pass {
 
 /// What is noisy.
 fn passes(pixels: &[Pixel], integrator: IntegratorKind) -> Vec<Pass> {
-    let all = |parts: &[usize]| Pass { parts: parts.to_vec(), traced: None };
+    let direct = Pass { parts: &[DIFFUSE_DIRECT, GLOSSY_DIRECT], traced: None };
     if integrator != IntegratorKind::Cache {
-        return vec![all(&[DIFFUSE_DIRECT, DIFFUSE_INDIRECT, GLOSSY_DIRECT, GLOSSY_INDIRECT])];
+        return vec![direct, Pass { parts: &[DIFFUSE_INDIRECT, GLOSSY_INDIRECT], traced: None }];
     }
-    let share = |k: usize| pixels.iter().map(|p| p.traced()[k]).collect::<Vec<f32>>();
-    let mean = |shares: &[f32]| shares.iter().sum::<f32>() / shares.len().max(1) as f32;
-    let (diffuse, glossy) = (share(0), share(1));
-    let mut passes = match mean(&glossy) {
-        1.0 => vec![all(&[DIFFUSE_DIRECT, GLOSSY_DIRECT, GLOSSY_INDIRECT])],
-        _ => vec![
-            all(&[DIFFUSE_DIRECT, GLOSSY_DIRECT]),
-            Pass { parts: vec![GLOSSY_INDIRECT], traced: Some(glossy) },
-        ],
+    let of_records = |k: usize, parts: &'static [usize]| {
+        let traced: Vec<f32> = pixels.iter().map(|p| p.traced()[k]).collect();
+        let share = traced.iter().sum::<f32>() / traced.len().max(1) as f32;
+        (share > STRAYS).then_some(Pass { parts, traced: Some(traced) })
     };
-    if mean(&diffuse) > STRAYS {
-        passes.push(Pass { parts: vec![DIFFUSE_INDIRECT], traced: Some(diffuse) });
-    }
-    passes
+    let indirect = [of_records(0, &[DIFFUSE_INDIRECT]), of_records(1, &[GLOSSY_INDIRECT])];
+    std::iter::once(direct).chain(indirect.into_iter().flatten()).collect()
 }
 
 impl Pass {
@@ -228,7 +210,7 @@ impl Pass {
             for column in range(x, width) {
                 let j = (row * i64::from(width) + column) as usize;
                 let weight = guides.alike(i, j);
-                for (sum, &k) in sums.iter_mut().zip(&self.parts) {
+                for (sum, &k) in sums.iter_mut().zip(self.parts) {
                     *sum +=
                         if parts[j][k].is_finite() { weight * parts[j][k] } else { Color::ZERO };
                 }
@@ -248,5 +230,106 @@ impl Pass {
             .collect();
         split.insert(0, rest.max(Color::ZERO));
         split
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::Parts;
+    use crate::transport::{Radiance, Shaded, Surface};
+
+    /// A film of which every pixel has one sample: a wall of albedo 0.5 in light of both lobes.
+    fn film() -> Film {
+        let mut film = Film::new([8, 6], [0, 0, 8, 6]).unwrap();
+        for (i, pixel) in film.pixels_mut().iter_mut().enumerate() {
+            let light = Color::splat(1.0 + (i % 3) as f32);
+            let radiance = Radiance {
+                diffuse_direct: light,
+                glossy_direct: 0.5 * light,
+                ..Default::default()
+            };
+            let surface = Surface {
+                position: Vec3::ZERO,
+                normal: Vec3::Z,
+                albedo: Color::splat(0.5),
+                distance: 1.0,
+            };
+            pixel.add(&Shaded { radiance, surface: Some(surface), ..Default::default() });
+        }
+        film
+    }
+
+    #[test]
+    fn light_is_split_as_around_the_pixel_and_none_is_lost() {
+        let film = film();
+        let parts: Vec<Parts> = film.pixels().iter().map(Pixel::parts).collect();
+        let guides = Guides::new(&film);
+        let pass = &passes(film.pixels(), IntegratorKind::Path)[0];
+        let split = pass.split(Color::new(3.0, 6.0, 0.0), 20, [8, 6], &parts, &guides);
+        let right = [Color::new(2.0, 4.0, 0.0), Color::new(1.0, 2.0, 0.0)];
+        assert!(split.iter().zip(right).all(|(s, r)| s.abs_diff_eq(r, 1e-5)), "{split:?}");
+        let dark = vec![Parts::default(); 48];
+        let split = pass.split(Color::ONE, 20, [8, 6], &dark, &guides);
+        assert_eq!(split, [Color::ONE, Color::ZERO]);
+    }
+
+    #[test]
+    fn light_from_records_is_not_filtered() {
+        let film = film();
+        let of = |kind| passes(film.pixels(), kind).iter().map(|p| p.parts).collect::<Vec<_>>();
+        assert_eq!(of(IntegratorKind::Bdpt), [[0, 2], [1, 3]]);
+        // No sample says that a record answered.
+        assert_eq!(of(IntegratorKind::Cache), [&[0, 2][..], &[1], &[3]]);
+        let mut cached = film.clone();
+        for pixel in cached.pixels_mut() {
+            let status = crate::transport::Status::Cached;
+            pixel.add(&Shaded { status, glossy: status, ..Default::default() });
+        }
+        assert_eq!(passes(cached.pixels(), IntegratorKind::Cache).len(), 1);
+    }
+
+    #[test]
+    fn numbers_that_are_none_do_no_harm() {
+        let places = denoiser_places(|name| std::env::var_os(name));
+        let Ok(denoiser) = find_denoiser(&places) else {
+            eprintln!("SKIPPED: there is no Open Image Denoise");
+            return;
+        };
+        let mut film = film();
+        for (i, bad) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {
+            let pixel = &mut film.pixels_mut()[9 * i];
+            let surface = Surface {
+                position: Vec3::ZERO,
+                normal: Vec3::splat(bad),
+                albedo: Color::splat(bad),
+                distance: 1.0,
+            };
+            pixel.add(&Shaded { surface: Some(surface), ..Default::default() });
+            film.splat(&crate::transport::Splat { pixel: 30, part: 0, light: Color::splat(bad) });
+        }
+        denoise(&mut film, IntegratorKind::Path, &denoiser).unwrap();
+        let shown = film.radiance();
+        let broken: Vec<usize> = (0..48).filter(|&i| !shown[i].is_finite()).collect();
+        assert_eq!(broken, [30], "one pixel had no number, and it spoils no other");
+        assert!(shown[20].max_element() > 1.0);
+    }
+
+    #[test]
+    fn the_environment_says_where_to_look() {
+        let of = |set: &[(&str, &str)]| {
+            let value = |name: &str| set.iter().find(|(n, _)| *n == name).map(|(_, v)| v.into());
+            denoiser_places(value)
+        };
+        let system = PathBuf::from(NAME);
+        assert_eq!(
+            of(&[("LUMICACHE_OIDN", "/a/b.so"), ("HOME", "/h")]),
+            [PathBuf::from("/a/b.so")]
+        );
+        let home = PathBuf::from("/h/.local/share/lumicache/oidn");
+        assert_eq!(of(&[("LUMICACHE_OIDN", ""), ("HOME", "/h")]), [home, system.clone()]);
+        let data = PathBuf::from("/d/lumicache/oidn");
+        assert_eq!(of(&[("XDG_DATA_HOME", "/d"), ("HOME", "/h")]), [data, system.clone()]);
+        assert_eq!(of(&[]), [system]);
     }
 }

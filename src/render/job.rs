@@ -2,21 +2,20 @@
 
 use super::caches::Caches;
 use super::clock::Clock;
-use super::denoise::{Denoise, Found};
+use super::denoise::Found;
 use super::frame::{Frame, Watcher};
 use super::rendering::{Output, Rendering, origin};
 use super::selection::Selection;
-use super::settings::{IntegratorKind, Settings};
+use super::settings::{Denoise, IntegratorKind, Settings};
+use super::threads::on_workers;
 use super::visible::fill_for_camera;
 use crate::cache::{Cache, CacheFile, Preset, Schedule, Scheme};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
-use crate::ffi::mxcsr;
 use crate::film::Film;
 use crate::import::default_camera;
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -229,8 +228,7 @@ impl<'a> Job<'a> {
     }
 
     /// Takes the noise out of what was traced; by default off. `places` are files of Open Image
-    /// Denoise, or folders that may have it: see [`denoiser_places`](super::denoiser_places). The
-    /// system's folders are searched last.
+    /// Denoise, or folders that may have it: see [`denoiser_places`](super::denoiser_places).
     pub fn denoise(mut self, denoise: Denoise, places: &[PathBuf]) -> Self {
         (self.denoise, self.denoisers) = (denoise, places.to_vec());
         self
@@ -352,7 +350,8 @@ impl<'a> Job<'a> {
         self.scene.motions().get(number)?.as_ref()
     }
 
-    /// Renders the picture on the thread pool of the calling thread; on [`workers`] of its own
+    /// Renders the picture on the thread pool of the calling thread; on
+    /// [`workers`](super::workers) of its own
     /// where that is no thread of a pool. A cancelled job returns the picture so far.
     ///
     /// # Errors
@@ -426,23 +425,6 @@ pub fn camera_number(cameras: &[Camera], wanted: &str) -> Result<usize> {
         let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         Error::InvalidArgument(format!("there is no camera `{wanted}`; the cameras are {known}"))
     })
-}
-
-/// `count` threads that render as those of the command line do; 0 stands for all processors.
-///
-/// # Errors
-/// [`Error::Device`] if the threads cannot be started.
-pub fn workers(count: usize) -> Result<ThreadPool> {
-    ThreadPoolBuilder::new()
-        .num_threads(count)
-        .start_handler(|_| mxcsr::flush_denormals())
-        .build()
-        .map_err(|e| Error::Device(format!("threads could not be started: {e}")))
-}
-
-/// Does `work` on the thread pool of the calling thread, or else on one of its own.
-pub(super) fn on_workers<R: Send>(work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
-    if rayon::current_thread_index().is_some() { work() } else { workers(0)?.install(work) }
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! One frame's settings, every number decided, and the samples that follow from them.
 
-use super::denoise::Denoise;
 use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_room};
@@ -8,7 +7,7 @@ use crate::film::{Parts, Pixel};
 use crate::math::Color;
 use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
-use crate::words::Words;
+use crate::words::{Words, words};
 
 /// Bytes per pixel of the default layers of the output.
 const LAYERS: usize = 26 * 4;
@@ -35,6 +34,18 @@ impl IntegratorKind {
             Self::Path => "path",
             Self::Bdpt => "bdpt",
         }
+    }
+}
+
+words! {
+    /// Whether a picture is denoised.
+    pub enum Denoise {
+        /// Where Open Image Denoise is installed.
+        Auto = "auto",
+        /// Always: without Open Image Denoise nothing is rendered.
+        On = "on",
+        /// Never.
+        Off = "off",
     }
 }
 
