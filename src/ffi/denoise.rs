@@ -1,5 +1,5 @@
-//! Open Image Denoise 2 or newer, loaded at run time: the functions of its C interface that a filter
-//! of one picture needs, and a safe wrapper around them.
+//! Open Image Denoise 2 or newer, loaded at run time: the functions of its C interface that a
+//! filter of one picture needs, and a safe wrapper around them.
 //!
 //! The library's names stay out of the global scope, so a host that has another copy keeps its own.
 //! The library is never unloaded, because its threads outlive its devices.

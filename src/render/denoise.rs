@@ -1,9 +1,9 @@
 //! Noise taken out of a finished frame, by Open Image Denoise.
 //!
 //! Only what is noisy is filtered: all light of path tracers, and with a cache the light that no
-//! record brought. Direct and indirect light are two pictures, not divided by albedo: docs/RESULTS.md
-//! has the errors of other ways. The result is split into diffuse and glossy light in the proportion
-//! that they have around a pixel.
+//! record brought. Direct and indirect light are two pictures, not divided by albedo:
+//! docs/RESULTS.md has the errors of other ways. The result is split into diffuse and glossy light
+//! in the proportion that they have around a pixel.
 
 use super::clock::Clock;
 use super::frame::Frame;
