@@ -129,8 +129,8 @@ impl Pixel {
         self.normal.normalize_or_zero()
     }
 
-    /// The shares of diffuse and of glossy indirect light that paths brought, not records; where
-    /// no record could serve, 1.
+    /// The shares of diffuse and of glossy indirect light that paths brought, not records; 1 where
+    /// records were not asked.
     pub fn traced(&self) -> [f32; 2] {
         let share = |of_records: f32, all: f32| {
             if all > 0.0 { 1.0 - of_records / all } else { 1.0 }

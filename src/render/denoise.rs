@@ -27,8 +27,8 @@ const GLOSSY_INDIRECT: usize = 3;
 const AROUND: i64 = 3;
 /// Squared difference of albedo or normal at which a pixel counts 1/e.
 const ALIKE: f32 = 0.02;
-/// The share of pixels up to which paths in place of missing records are not worth a filter.
-const STRAYS: f32 = 0.002;
+/// The share of light up to which paths in place of missing records are not worth a filter.
+const STRAYS: f64 = 0.002;
 
 /// Where programs look for Open Image Denoise: in the file or folder that the environment variable
 /// `LUMICACHE_OIDN` names and nowhere else, or without it in `lumicache/oidn` of the user's data
@@ -154,12 +154,17 @@ fn passes(pixels: &[Pixel], integrator: IntegratorKind) -> Vec<Pass> {
     if integrator != IntegratorKind::Cache {
         return vec![direct, Pass { parts: &[DIFFUSE_INDIRECT, GLOSSY_INDIRECT], traced: None }];
     }
-    let of_records = |k: usize, parts: &'static [usize]| {
-        let traced: Vec<f32> = pixels.iter().map(|p| p.traced()[k]).collect();
-        let share = traced.iter().sum::<f32>() / traced.len().max(1) as f32;
-        (share > STRAYS).then_some(Pass { parts, traced: Some(traced) })
+    let beside_records = |lobe: usize, parts: &'static [usize]| {
+        let traced: Vec<f32> = pixels.iter().map(|p| p.traced()[lobe]).collect();
+        let light = pixels.iter().map(|p| p.parts()[parts[0]].element_sum());
+        let (mut of_paths, mut all) = (0.0, 0.0);
+        for (light, share) in light.zip(&traced).filter(|(light, _)| light.is_finite()) {
+            all += f64::from(light);
+            of_paths += f64::from(light * share);
+        }
+        (of_paths > STRAYS * all).then_some(Pass { parts, traced: Some(traced) })
     };
-    let indirect = [of_records(0, &[DIFFUSE_INDIRECT]), of_records(1, &[GLOSSY_INDIRECT])];
+    let indirect = [beside_records(0, &[DIFFUSE_INDIRECT]), beside_records(1, &[GLOSSY_INDIRECT])];
     std::iter::once(direct).chain(indirect.into_iter().flatten()).collect()
 }
 
@@ -236,7 +241,6 @@ impl Pass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::Parts;
     use crate::transport::{Radiance, Shaded, Surface};
 
     /// A film of which every pixel has one sample: a wall of albedo 0.5 in light of both lobes.
@@ -246,8 +250,10 @@ mod tests {
             let light = Color::splat(1.0 + (i % 3) as f32);
             let radiance = Radiance {
                 diffuse_direct: light,
+                diffuse_indirect: light,
                 glossy_direct: 0.5 * light,
-                ..Default::default()
+                glossy_indirect: light,
+                emission: Color::ZERO,
             };
             let surface = Surface {
                 position: Vec3::ZERO,
