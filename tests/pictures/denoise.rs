@@ -55,7 +55,7 @@ fn traced_light_loses_its_noise() {
         return;
     }
     let scene = build(own("cornell-box"));
-    let size = [96, 96];
+    let size = [64, 64];
     let colors = |spp, denoise| {
         let mut colors = Picture::new(size);
         let picture = picture(&scene, IntegratorKind::Path, size, spp, denoise);
