@@ -339,7 +339,7 @@ fn pictures_are_denoised_where_there_is_a_denoiser() {
     ok(unsafe { lumi_device_set_log(d.0, Some(listen), (&raw const heard).cast_mut().cast()) });
     let s = loaded(&d, "cornell-box");
     let c = cache(&s);
-    fails(render(&c, LUMI_RENDER_DENOISE), LUMI_ERROR_DEVICE, "/nowhere");
+    fails(render(&c, LUMI_RENDER_DENOISE), LUMI_ERROR_UNKNOWN, "/nowhere");
     heard.lock().unwrap().clear();
     ok(render(&c, LUMI_RENDER_DENOISE_AUTO));
     {
