@@ -171,7 +171,7 @@ fn a_library_that_is_missing_or_wrong_is_one_clear_line() {
     let folder = desk.path("libraries");
     std::fs::create_dir(&folder).unwrap();
     let text_file = folder.join("libOpenImageDenoise.so.2");
-    std::fs::write(&text_file, "no library").unwrap();
+    std::fs::write(&text_file, "no library\n".repeat(100)).unwrap();
     let old = fake(&folder, 1_04_03);
     let other = PathBuf::from("/lib/x86_64-linux-gnu/libm.so.6");
     let mut cases = vec![
