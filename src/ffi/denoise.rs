@@ -106,7 +106,8 @@ impl Denoiser {
                     Err(error) => missing.push(error),
                 }
             } else if let Some(file) = library_at(place) {
-                let library = library(&file).map_err(|e| format!("the denoiser does not load: {e}"))?;
+                let library =
+                    library(&file).map_err(|e| format!("the denoiser does not load: {e}"))?;
                 return Self::new(library, &file);
             } else {
                 missing.push(format!("{}: no file, and no folder with it", place.display()));
