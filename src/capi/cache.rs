@@ -1,8 +1,8 @@
 //! Caches: what they are made by, and work on the device's threads.
 
 use super::abi::{Input, lumi_cache, lumi_cache_s, lumi_progress_fn, lumi_scene, text};
-use super::device::pool;
 use super::handles::{Kind, borrow, clear, publish, release, retain};
+use super::pool::Pool;
 use super::scene::{SceneKind, SceneObject};
 use super::status::{
     Fault, LUMI_ERROR_UNSUPPORTED, Outcome, Touched, guard, guard_void, lock, lumi_error, state,
@@ -65,7 +65,7 @@ pub(super) struct CacheObject {
     changing: Mutex<()>,
     watcher: Mutex<(lumi_progress_fn, usize)>,
     /// Threads for gathers that wait for the host.
-    waiting: OnceLock<rayon::ThreadPool>,
+    waiting: OnceLock<Pool>,
     pub counters: Counters,
 }
 
@@ -168,13 +168,13 @@ impl CacheObject {
     }
 
     /// Threads for gathers that wait for the host; made once.
-    fn host_pool(&self, host: &Host) -> Outcome<&rayon::ThreadPool> {
+    fn host_pool(&self, host: &Host) -> Outcome<&Pool> {
         if let Some(pool) = self.waiting.get() {
             return Ok(pool);
         }
         let rays = self.settings().scheme.gather.rays as usize;
         let threads = host.gathering_threads(rays, self.scene.device.pool.current_num_threads());
-        let made = pool(threads, "lumicache-gather")?;
+        let made = Pool::new(threads, "lumicache-gather")?;
         Ok(self.waiting.get_or_init(|| made))
     }
 

@@ -2,13 +2,13 @@
 
 use super::abi::{LUMI_ABI_VERSION, copy_text, lumi_device, lumi_device_s, text};
 use super::handles::{Kind, borrow, clear, publish, release, retain};
+use super::pool::Pool;
 use super::status::{
     Fault, LUMI_ERROR_VERSION, LUMI_LOG_WARNING, LUMI_OK, Outcome, Touched, ensure, guard,
     guard_void, lumi_error, lumi_log_fn,
 };
 use crate::accel::{Accel, Backend};
-use crate::error::{Error, one_line};
-use crate::ffi::mxcsr;
+use crate::error::one_line;
 use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
 use crate::render::denoiser_places;
@@ -24,7 +24,7 @@ const EMBREE: &str = "LUMICACHE_EMBREE";
 /// A device.
 pub(super) struct DeviceObject {
     pub touched: Touched,
-    pub pool: rayon::ThreadPool,
+    pub pool: Pool,
     pub backend: Backend,
     /// Name and version of the ray tracer.
     pub backend_version: String,
@@ -46,16 +46,6 @@ impl DeviceObject {
     pub fn warn(&self, message: &str) {
         self.touched.log.tell(LUMI_LOG_WARNING, LUMI_OK, &one_line(message));
     }
-}
-
-/// A pool whose threads round to the nearest and flush denormals, as the tracer wants.
-pub(super) fn pool(threads: usize, name: &'static str) -> Outcome<rayon::ThreadPool> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(move |i| format!("{name}-{i}"))
-        .start_handler(|_| mxcsr::flush_denormals())
-        .build()
-        .map_err(|e| Error::Device(format!("threads could not be started: {e}")).into())
 }
 
 fn new_device(config: &str) -> Outcome<DeviceObject> {
@@ -86,7 +76,7 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
     }
     let backend = wanted.unwrap_or_default();
     let backend_version = Accel::build(&Geometry::default(), backend)?.version();
-    let (touched, pool) = (Touched::default(), pool(threads, "lumicache")?);
+    let (touched, pool) = (Touched::default(), Pool::new(threads, "lumicache")?);
     let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
     let tables = TableStore::new(folder);
     Ok(DeviceObject { touched, pool, backend, backend_version, tables, denoisers })

@@ -16,6 +16,7 @@
 mod status;
 mod abi;
 mod handles;
+mod pool;
 mod device;
 mod describe;
 mod host;

@@ -2,15 +2,18 @@
 //!
 //! A record beside a thin wall reaches through it: on the other side lie points of the same plane
 //! with the same normal, which no test of distance, normal or position can tell from those on its
-//! own side. But the gather has seen the wall. The nearest hit in each of eight sectors around the
-//! normal, if it lies within the record's radius, becomes a plane; a point behind one of them is
-//! refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say
+//! own side. But the gather has seen the wall. The nearest low hit in each of eight sectors around
+//! the normal, if it lies within the record's radius, becomes a plane; a point behind one of them
+//! is refused. The idea is that of Radiance's corral, which sends a shadow ray where its flags say
 //! that something stands between; here no ray is sent.
 
 use crate::gather::HemisphereSamples;
 use crate::math::{Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_4, TAU};
 
+/// Hits higher above the tangent plane, by the sine of the elevation, make no fence: what hangs
+/// over the record's surface or stands apart from it divides no two points of it.
+const HIGHEST: f32 = 0.4;
 /// Most fences of one record.
 const MOST: usize = 4;
 /// A point may lie this share of the record's radius behind a fence: the plane of a curved or a
@@ -33,7 +36,7 @@ impl Fences {
         let b = samples.bundle();
         let mut nearest: [Option<usize>; 8] = [None; 8];
         for (k, (w, &r)) in b.dir_local.iter().zip(&b.distance).enumerate() {
-            if r < radius {
+            if r < radius && w.z < HIGHEST {
                 let sector =
                     &mut nearest[((w.y.atan2(w.x).rem_euclid(TAU) / FRAC_PI_4) as usize).min(7)];
                 if sector.is_none_or(|other| r < b.distance[other]) {
