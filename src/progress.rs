@@ -74,6 +74,11 @@ impl Progress {
         self.done.fetch_add(units, Ordering::Relaxed);
     }
 
+    /// Raises the finished work to `units`, if it is less.
+    pub fn reach(&self, units: u64) {
+        self.done.fetch_max(units, Ordering::Relaxed);
+    }
+
     /// Adds `units` to the work still to do, when more is found on the way.
     pub fn extend(&self, units: u64) {
         self.total.fetch_add(units, Ordering::Relaxed);

@@ -4,8 +4,9 @@
 //! The library's names stay out of the global scope, so a host that has another copy keeps its own.
 //! The library is never unloaded, because its threads outlive its devices.
 
+use super::loading;
 use crate::math::Vec3;
-use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+use libloading::os::unix::Library;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
@@ -17,20 +18,27 @@ pub const NAME: &str = "libOpenImageDenoise.so.2";
 const INSIDE: [&str; 4] = ["", "lib", "oidn/lib", "pyoidn/oidn/lib"];
 /// `oidnGetDeviceInt(device, "version")` of the oldest version that will do.
 const OLDEST: c_int = 2_00_00;
-/// The library stays loaded when its handle is closed.
-const RTLD_NODELETE: c_int = if cfg!(target_os = "macos") { 0x80 } else { 0x1000 };
+/// How the names begin of the files that the library needs beside it.
+const PARTS: [&str; 2] = ["libOpenImageDenoise", "libtbb"];
+/// How the name begins of the file that the library loads for processors.
+const PROCESSOR: &str = "libOpenImageDenoise_device_cpu.";
 
 const DEVICE_CPU: c_int = 1;
 const FORMAT_FLOAT3: c_int = 3;
+const _: () = assert!(size_of::<Vec3>() == 3 * size_of::<f32>(), "pixels lie without gaps");
 /// Most megabytes of a filter's own memory: larger pictures are filtered in tiles that overlap.
 /// Pictures of 4096 x 4096 pixels are.
-const MEMORY: c_int = 2048;
+pub const MEMORY: u32 = 2048;
 
 /// Columns and rows below which the network has too little to look at.
 const LEAST: usize = 32;
 
 /// An object of the library.
 type Handle = NonNull<c_void>;
+/// What the library calls with the share of the work that is done; false ends the work.
+type Monitor = unsafe extern "C" fn(*mut c_void, f64) -> bool;
+/// Hears which share of the work is done, 0 to 1, and says whether to go on.
+pub type GoOn<'a> = dyn Fn(f64) -> bool + Sync + 'a;
 
 macro_rules! functions {
     ($($field:ident: $name:literal, fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
@@ -64,6 +72,7 @@ functions! {
         fn(Handle, *const c_char, *mut c_void, c_int, usize, usize, usize, usize, usize);
     set_filter_bool: "oidnSetFilterBool", fn(Handle, *const c_char, bool);
     set_filter_int: "oidnSetFilterInt", fn(Handle, *const c_char, c_int);
+    set_monitor: "oidnSetFilterProgressMonitorFunction", fn(Handle, Option<Monitor>, *mut c_void);
     commit_filter: "oidnCommitFilter", fn(Handle);
     execute_filter: "oidnExecuteFilter", fn(Handle);
     release_filter: "oidnReleaseFilter", fn(Handle);
@@ -101,13 +110,13 @@ impl Denoiser {
         let mut missing = Vec::new();
         for place in places {
             if place.as_os_str() == NAME {
-                match library(place) {
+                match loading::open(place) {
                     Ok(library) => return Self::new(library, place),
                     Err(error) => missing.push(error),
                 }
             } else if let Some(file) = library_at(place) {
                 let library =
-                    library(&file).map_err(|e| format!("the denoiser does not load: {e}"))?;
+                    open(&file).map_err(|e| format!("the denoiser does not load: {e}"))?;
                 return Self::new(library, &file);
             } else {
                 missing.push(format!("{}: no file, and no folder with it", place.display()));
@@ -146,8 +155,8 @@ impl Denoiser {
     /// `noisy` without its noise, by `threads` threads. Numbers of the result may be negative.
     ///
     /// # Errors
-    /// The library's own message.
-    pub fn run(&self, noisy: &Noisy, threads: usize) -> Result<Vec<Vec3>, String> {
+    /// The library's own message; also when `go_on` said no.
+    pub fn run(&self, noisy: &Noisy, threads: usize, go_on: &GoOn) -> Result<Vec<Vec3>, String> {
         let [width, height] = noisy.size.map(|n| n as usize);
         let inputs = [noisy.color, noisy.albedo, noisy.normal];
         if inputs.iter().any(|pixels| pixels.len() != width * height) || width * height == 0 {
@@ -155,7 +164,7 @@ impl Denoiser {
         }
         let wide = [width.max(LEAST), height.max(LEAST)];
         if wide == [width, height] {
-            return self.filter(inputs, wide, threads);
+            return self.filter(inputs, wide, threads, go_on);
         }
         // Of small pictures the last column and row are repeated.
         let widen = |pixels: &[Vec3]| -> Vec<Vec3> {
@@ -166,13 +175,14 @@ impl Denoiser {
             (0..wide[0] * wide[1]).map(at).collect()
         };
         let [color, albedo, normal] = inputs.map(widen);
-        let output = self.filter([&color, &albedo, &normal], wide, threads)?;
+        let output = self.filter([&color, &albedo, &normal], wide, threads, go_on)?;
         Ok((0..width * height).map(|i| output[i / width * wide[0] + i % width]).collect())
     }
 
     /// Filters colour by albedo and normal, each of this size.
     fn filter(
         &self, [color, albedo, normal]: [&[Vec3]; 3], size: [usize; 2], threads: usize,
+        go_on: &GoOn,
     ) -> Result<Vec<Vec3>, String> {
         let mut output = vec![Vec3::ZERO; size[0] * size[1]];
         let device = self.device(threads)?;
@@ -181,7 +191,7 @@ impl Denoiser {
             filter.image(name, pixels.as_ptr().cast_mut().cast(), size);
         }
         filter.image(c"output", output.as_mut_ptr().cast(), size);
-        filter.run(&device)?;
+        filter.run(&device, go_on)?;
         Ok(output)
     }
 
@@ -203,19 +213,35 @@ impl Denoiser {
     }
 }
 
-/// Loads the file at `path`.
-fn library(path: &Path) -> Result<Library, String> {
-    // SAFETY: loading runs initialisers of the library, which ask for nothing.
-    unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE) }
-        .map_err(|error| error.to_string())
-}
-
 /// The library that `place` is or holds.
 fn library_at(place: &Path) -> Option<PathBuf> {
     let files = INSIDE.iter().map(|folder| place.join(folder).join(NAME));
     let file = std::iter::once(place.to_owned()).chain(files).find(|path| path.is_file())?;
     // A path without a slash would be looked for elsewhere.
     file.canonicalize().ok()
+}
+
+/// The files beside `file` whose names begin so.
+fn beside(file: &Path, begin: &str) -> Vec<PathBuf> {
+    let entries = file.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten();
+    let ours = entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with(begin));
+    ours.map(|entry| entry.path()).collect()
+}
+
+/// Loads the library that is `file`.
+fn open(file: &Path) -> Result<Library, String> {
+    let needed = PARTS.iter().flat_map(|part| beside(file, part));
+    let mut files = std::iter::once(file.to_owned()).chain(needed);
+    if let Some(broken) = files.find(|path| !loading::is_whole(path)) {
+        return Err(format!("{} is incomplete", broken.display()));
+    }
+    let library = loading::open(file)?;
+    // The library would load this file so that it prefers what is in the global scope: functions of
+    // a host's copy of another version. What is loaded already is not loaded again.
+    if let [processor] = &beside(file, PROCESSOR)[..] {
+        let _ = loading::open(processor);
+    }
+    Ok(library)
 }
 
 /// What went wrong since somebody asked last.
@@ -260,7 +286,7 @@ impl<'a> Device<'a> {
             };
             (f.set_filter_bool)(handle, c"hdr".as_ptr(), true);
             (f.set_filter_bool)(handle, c"cleanAux".as_ptr(), true);
-            (f.set_filter_int)(handle, c"maxMemoryMB".as_ptr(), MEMORY);
+            (f.set_filter_int)(handle, c"maxMemoryMB".as_ptr(), MEMORY as c_int);
             Ok(Filter { functions: f, handle })
         }
     }
@@ -289,14 +315,24 @@ impl Filter<'_> {
         }
     }
 
-    fn run(&self, device: &Device) -> Result<(), String> {
-        // SAFETY: filter and device are alive, and so are the images.
+    fn run(&self, device: &Device, mut go_on: &GoOn) -> Result<(), String> {
+        let user: *mut &GoOn = &raw mut go_on;
+        // SAFETY: filter and device are alive, and so are the images and what `user` points to,
+        // which is called no more when the filter has been executed.
         unsafe {
+            (self.functions.set_monitor)(self.handle, Some(monitor), user.cast());
             (self.functions.commit_filter)(self.handle);
             (self.functions.execute_filter)(self.handle);
         }
         failure(device.functions, Some(device.handle)).map_or(Ok(()), Err)
     }
+}
+
+/// Asks the [`GoOn`] behind `user`.
+unsafe extern "C" fn monitor(user: *mut c_void, done: f64) -> bool {
+    // SAFETY: `Filter::run` gave this pointer and waits.
+    let go_on = unsafe { &*user.cast::<&GoOn>() };
+    go_on(done)
 }
 
 impl Drop for Filter<'_> {

@@ -87,7 +87,7 @@ pub struct FrameCost {
 
 /// A rendered sequence.
 pub struct Sequence<'a> {
-    /// The last picture that was rendered, with the time of the whole sequence.
+    /// The last picture that was rendered, with the time and the warnings of the whole sequence.
     pub last: Rendering<'a>,
     /// The cost of each frame.
     pub costs: Vec<FrameCost>,
@@ -175,14 +175,16 @@ impl<'a> Job<'a> {
                 filled => filled?,
             };
         }
-        let (mut costs, mut last) = (Vec::new(), None);
+        let (mut costs, mut last, mut told) = (Vec::new(), None, Vec::<String>::new());
         for ((number, camera), growth) in cameras.iter().zip(growth) {
             let settings = Settings { camera: camera.clone(), ..settings.clone() };
             let mut clock = Clock::default();
             clock.start(Phase::Render);
             let (caches, watcher) = (caches.as_ref(), &mut self.watcher);
             let mut frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
-            let warnings = found.denoise(&mut frame, &settings, &mut clock, progress);
+            let warnings =
+                found.denoise(&mut frame, &settings, &mut clock, progress, &mut self.watcher);
+            told.extend(warnings.iter().filter(|w| !told.contains(w)).cloned().collect::<Vec<_>>());
             clock.start(Phase::Write);
             progress.start(Phase::Write, 0);
             let mut picture =
@@ -200,7 +202,7 @@ impl<'a> Job<'a> {
         }
         let mut last =
             last.ok_or_else(|| Error::InvalidArgument("a sequence without frames".into()))?;
-        last.clock = self.clock;
+        (last.clock, last.warnings) = (self.clock, told);
         Ok(Sequence { last, costs })
     }
 }

@@ -6,10 +6,10 @@
 //! in the proportion that they have around a pixel.
 
 use super::clock::Clock;
-use super::frame::Frame;
+use super::frame::{Frame, Watcher};
 use super::settings::{Denoise, IntegratorKind, Settings};
 use crate::error::{Error, Result};
-use crate::ffi::denoise::{Denoiser, NAME, Noisy};
+use crate::ffi::denoise::{Denoiser, GoOn, NAME, Noisy};
 use crate::film::{Film, Parts, Pixel};
 use crate::math::{Color, Vec3};
 use crate::progress::{Phase, Progress};
@@ -29,6 +29,8 @@ const AROUND: i64 = 3;
 const ALIKE: f32 = 0.02;
 /// The share of light up to which paths in place of missing records are not worth a filter.
 const STRAYS: f64 = 0.002;
+/// Units of progress of one pass.
+const WORK: u64 = 1000;
 
 /// Where programs look for Open Image Denoise: in the file or folder that the environment variable
 /// `LUMICACHE_OIDN` names and nowhere else, or without it in `lumicache/oidn` of the user's data
@@ -81,18 +83,25 @@ impl Found {
         Ok(Self { denoiser, missing })
     }
 
-    /// Takes the noise out of `frame` if it is complete. Returns what to warn of: where the library
-    /// fails, the frame stays as it is.
+    /// Takes the noise out of `frame` if it is complete, and shows it to `watcher`. Returns what to
+    /// warn of: where the library fails, the frame stays as it is.
     pub fn denoise(
         &self, frame: &mut Frame, settings: &Settings, clock: &mut Clock, progress: &Progress,
+        watcher: &mut Watcher,
     ) -> Vec<String> {
         let mut warnings: Vec<String> = self.missing.iter().cloned().collect();
         let complete = !frame.cancelled && !settings.prepass_only;
         if let Some(denoiser) = self.denoiser.as_ref().filter(|_| complete) {
             clock.start(Phase::Denoise);
-            progress.start(Phase::Denoise, 0);
-            let done = denoise(&mut frame.film, settings.integrator, denoiser);
-            warnings.extend(done.err().map(|error| error.to_string()));
+            match denoise(&mut frame.film, settings.integrator, denoiser, progress) {
+                Ok(()) => {
+                    frame.denoiser = Some(denoiser.version());
+                    let [width, height] = frame.film.window_size();
+                    watcher([0, 0, width, height], &frame.film);
+                }
+                Err(_) if progress.is_cancelled() => frame.cancelled = true,
+                Err(error) => warnings.push(error.to_string()),
+            }
         }
         warnings
     }
@@ -102,12 +111,21 @@ impl Found {
 /// be told.
 ///
 /// # Errors
-/// [`Error::Device`] with the library's message.
-fn denoise(film: &mut Film, integrator: IntegratorKind, denoiser: &Denoiser) -> Result<()> {
+/// [`Error::Device`] with the library's message; also when `progress` was cancelled.
+fn denoise(
+    film: &mut Film, integrator: IntegratorKind, denoiser: &Denoiser, progress: &Progress,
+) -> Result<()> {
     let mut parts: Vec<Parts> = film.pixels().par_iter().map(Pixel::parts).collect();
     let guides = Guides::new(film);
-    for pass in passes(film.pixels(), integrator) {
-        pass.run(film, &guides, denoiser, &mut parts)?;
+    let passes = passes(film.pixels(), integrator);
+    progress.start(Phase::Denoise, passes.len() as u64 * WORK);
+    for (pass, before) in passes.iter().zip((0..).step_by(WORK as usize)) {
+        let go_on = |done: f64| {
+            progress.reach(before + (done * WORK as f64) as u64);
+            !progress.is_cancelled()
+        };
+        pass.run(film, &guides, denoiser, &mut parts, &go_on)?;
+        progress.reach(before + WORK);
     }
     film.denoise(parts);
     Ok(())
@@ -171,7 +189,7 @@ fn passes(pixels: &[Pixel], integrator: IntegratorKind) -> Vec<Pass> {
 impl Pass {
     /// Filters the pass's share of `parts`.
     fn run(
-        &self, film: &Film, guides: &Guides, denoiser: &Denoiser, parts: &mut [Parts],
+        &self, film: &Film, guides: &Guides, denoiser: &Denoiser, parts: &mut [Parts], go_on: &GoOn,
     ) -> Result<()> {
         let sum = |p: &Parts| self.parts.iter().map(|&k| p[k]).sum::<Color>();
         let light = |p: &Parts| Some(sum(p)).filter(|c| c.is_finite()).unwrap_or_default();
@@ -181,19 +199,22 @@ impl Pass {
         }
         let size = film.window_size();
         let noisy = Noisy { size, color: &color, albedo: &guides.albedo, normal: &guides.normal };
-        let clean = denoiser.run(&noisy, rayon::current_num_threads()).map_err(|what| {
+        let clean = denoiser.run(&noisy, rayon::current_num_threads(), go_on).map_err(|what| {
             Error::Device(format!("not denoised: Open Image Denoise says: {what}"))
         })?;
-        let before = parts.to_vec();
+        drop(color);
+        let shares: Vec<[Color; 2]> = (0..parts.len())
+            .into_par_iter()
+            .map(|i| self.split(clean[i].max(Color::ZERO), i, size, parts, guides))
+            .collect();
         parts.par_iter_mut().enumerate().for_each(|(i, p)| {
             // The background has no surface, and numbers that are none have no mean.
-            let known = guides.normal[i] != Vec3::ZERO && sum(&before[i]).is_finite();
+            let known = guides.normal[i] != Vec3::ZERO && sum(p).is_finite();
             if !known || !clean[i].is_finite() {
                 return;
             }
             let traced = self.traced.as_ref().map_or(1.0, |shares| shares[i]);
-            let split = self.split(clean[i].max(Color::ZERO), i, size, &before, guides);
-            for (&k, light) in self.parts.iter().zip(split) {
+            for (&k, light) in self.parts.iter().zip(shares[i]) {
                 p[k] += traced * (light - p[k]);
             }
         });
@@ -201,14 +222,14 @@ impl Pass {
     }
 
     /// `light` of pixel `i`, split in the proportion that the pass's parts have in pixels around it
-    /// that are like it.
+    /// that are like it. The light of a pass with one part is that part's.
     fn split(
         &self, light: Color, i: usize, [width, height]: [u32; 2], parts: &[Parts], guides: &Guides,
-    ) -> Vec<Color> {
-        let mut sums = vec![Color::ZERO; self.parts.len()];
-        if sums.len() == 1 {
-            return vec![light];
+    ) -> [Color; 2] {
+        if self.parts.len() == 1 {
+            return [light, Color::ZERO];
         }
+        let mut sums = [Color::ZERO; 2];
         let (x, y) = (i as i64 % i64::from(width), i as i64 / i64::from(width));
         let range = |at: i64, end: u32| (at - AROUND).max(0)..(at + AROUND + 1).min(i64::from(end));
         for row in range(y, height) {
@@ -222,19 +243,10 @@ impl Pass {
             }
         }
         // The first part takes what rounding leaves, and all where no part has light.
-        let all: Color = sums.iter().sum();
         let share = |c: f32, all: f32| if all > 0.0 { c / all } else { 0.0 };
-        let mut rest = light;
-        let mut split: Vec<Color> = sums[1..]
-            .iter()
-            .map(|c| {
-                let share = Color::new(share(c.x, all.x), share(c.y, all.y), share(c.z, all.z));
-                rest -= light * share;
-                light * share
-            })
-            .collect();
-        split.insert(0, rest.max(Color::ZERO));
-        split
+        let (c, all) = (sums[1], sums[0] + sums[1]);
+        let other = light * Color::new(share(c.x, all.x), share(c.y, all.y), share(c.z, all.z));
+        [(light - other).max(Color::ZERO), other]
     }
 }
 
@@ -314,11 +326,19 @@ mod tests {
             pixel.add(&Shaded { surface: Some(surface), ..Default::default() });
             film.splat(&crate::transport::Splat { pixel: 30, part: 0, light: Color::splat(bad) });
         }
-        denoise(&mut film, IntegratorKind::Path, &denoiser).unwrap();
+        let progress = Progress::default();
+        denoise(&mut film, IntegratorKind::Path, &denoiser, &progress).unwrap();
         let shown = film.radiance();
         let broken: Vec<usize> = (0..48).filter(|&i| !shown[i].is_finite()).collect();
         assert_eq!(broken, [30], "one pixel had no number, and it spoils no other");
         assert!(shown[20].max_element() > 1.0);
+        let told = progress.snapshot();
+        assert_eq!([told.done, told.total], [2 * WORK; 2]);
+        // Cancelled work leaves the film as it is.
+        let mut film = self::film();
+        progress.cancel();
+        assert!(denoise(&mut film, IntegratorKind::Path, &denoiser, &progress).is_err());
+        assert!(!film.is_denoised());
     }
 
     #[test]

@@ -351,8 +351,8 @@ impl<'a> Job<'a> {
     }
 
     /// Renders the picture on the thread pool of the calling thread; on
-    /// [`workers`](super::workers) of its own
-    /// where that is no thread of a pool. A cancelled job returns the picture so far.
+    /// [`workers`](super::workers) of its own where that is no thread of a pool. A cancelled job
+    /// returns the picture so far.
     ///
     /// # Errors
     /// Those of [`Job::settings`] and of reading cache files.
@@ -382,7 +382,8 @@ impl<'a> Job<'a> {
                 Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)?
             }
         };
-        let warnings = found.denoise(&mut frame, &settings, &mut self.clock, progress);
+        let warnings =
+            found.denoise(&mut frame, &settings, &mut self.clock, progress, &mut self.watcher);
         self.clock.stop();
         Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output, warnings))
     }

@@ -3,6 +3,7 @@
 use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_room};
+use crate::ffi::denoise::MEMORY;
 use crate::film::{Parts, Pixel};
 use crate::math::Color;
 use crate::sampling::{hash, stream};
@@ -12,8 +13,10 @@ use crate::words::{Words, words};
 /// Bytes per pixel of the default layers of the output.
 const LAYERS: usize = 26 * 4;
 
-/// Bytes per pixel of denoising: the parts twice, light before and after, albedo and normal.
-const DENOISED: usize = 2 * size_of::<Parts>() + 4 * size_of::<Color>() + 8;
+/// Bytes per pixel of denoising: the parts, their two shares, filtered light, albedo and normal.
+const DENOISED: usize = size_of::<Parts>() + 5 * size_of::<Color>() + 8;
+/// Bytes per pixel of the filter itself, up to its limit.
+const FILTER: u64 = 700;
 
 /// Which light transport makes the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,9 +124,12 @@ impl Settings {
         }
         // Nothing is lost later for want of memory that is known to be wanted now.
         let pixels = u64::from(x1 - x0) * u64::from(y1 - y0);
-        let denoised = if self.denoise == Denoise::Off { 0 } else { DENOISED };
-        let each = size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS) + denoised;
-        let bytes = pixels * each as u64;
+        let each = size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS);
+        let mut bytes = pixels * each as u64;
+        if self.denoise != Denoise::Off {
+            let filter = (pixels * FILTER).min(u64::from(MEMORY) << 20);
+            bytes += pixels * DENOISED as u64 + filter;
+        }
         check_room(format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0), bytes)
     }
 }

@@ -6,7 +6,7 @@ use crate::support::testdata::skipped;
 use lumicache::compare::{Options, compare};
 use lumicache::ffi::denoise::{Denoiser, Noisy};
 use lumicache::film::{LAYERS, Layer};
-use lumicache::imagefile::{Picture, SampleKind, exr};
+use lumicache::imagefile::{Attribute, Picture, SampleKind, exr};
 use lumicache::math::Color;
 use lumicache::render::{
     Denoise, IntegratorKind, Job, Rendering, denoiser_places, find_denoiser, workers,
@@ -14,6 +14,7 @@ use lumicache::render::{
 use lumicache::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 const PARTS: [&str; 5] =
     ["diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission"];
@@ -132,7 +133,7 @@ fn a_picture_of_one_pixel_is_denoised() {
     }
     let (wrong, right) = ([Color::ONE; 3], [Color::ONE; 4]);
     let noisy = Noisy { size: [2, 2], color: &wrong, albedo: &right, normal: &right };
-    assert!(denoiser.run(&noisy, 1).unwrap_err().contains("2 x 2"));
+    assert!(denoiser.run(&noisy, 1, &|_| true).unwrap_err().contains("2 x 2"));
 }
 
 #[test]
@@ -142,18 +143,56 @@ fn numbers_that_are_none_end_no_process() {
     let mixed: Vec<Color> =
         (0..48 * 40).map(|i| if i % 7 == 0 { bad[i % 4] } else { Color::ONE }).collect();
     let noisy = Noisy { size: [48, 40], color: &mixed, albedo: &mixed, normal: &mixed };
-    assert_eq!(denoiser.run(&noisy, 2).unwrap().len(), 48 * 40);
+    assert_eq!(denoiser.run(&noisy, 2, &|_| true).unwrap().len(), 48 * 40);
 }
 
-/// A library with the functions of Open Image Denoise, made by the C compiler, of this version.
+#[test]
+fn the_filter_tells_how_far_it_is_and_stops_when_told() {
+    let Some((denoiser, _)) = installed() else { return };
+    let light = vec![Color::ONE; 256 * 256];
+    let noisy = Noisy { size: [256, 256], color: &light, albedo: &light, normal: &light };
+    let heard = Mutex::new(Vec::new());
+    let listen = |done| {
+        heard.lock().unwrap().push(done);
+        true
+    };
+    denoiser.run(&noisy, 2, &listen).unwrap();
+    let heard = heard.into_inner().unwrap();
+    assert!(heard.len() > 3 && heard.iter().all(|x| (0.0..=1.0).contains(x)), "{heard:?}");
+    assert!(denoiser.run(&noisy, 2, &|_| false).is_err());
+}
+
+#[test]
+fn a_watcher_sees_the_denoised_picture_last() {
+    if installed().is_none() {
+        return;
+    }
+    let scene = build(own("cornell-box"));
+    let mut seen = Vec::new();
+    let places = denoiser_places(|name| std::env::var_os(name));
+    let job = Job::new(&scene).integrator(IntegratorKind::Path).size(40, 24).spp(1);
+    let job = job.watcher(|area, film| seen.push((area, film.is_denoised())));
+    job.denoise(Denoise::On, &places).run().unwrap();
+    assert_eq!(seen.pop(), Some(([0, 0, 40, 24], true)));
+    assert!(seen.iter().all(|(_, denoised)| !denoised));
+}
+
+/// A library with the functions of Open Image Denoise, made by the C compiler, of this version. Its
+/// first filter fails, and the others leave the output as it is.
 fn fake(folder: &Path, version: u32) -> PathBuf {
-    let names = "CommitDevice GetDeviceError ReleaseDevice NewFilter SetDeviceBool SetDeviceInt \
-                 SetSharedFilterImage SetFilterBool SetFilterInt CommitFilter ExecuteFilter \
+    let names = "CommitDevice ReleaseDevice SetDeviceBool SetDeviceInt SetSharedFilterImage \
+                 SetFilterBool SetFilterInt SetFilterProgressMonitorFunction CommitFilter \
                  ReleaseFilter";
     let stubs = names.split_whitespace().map(|n| format!("int oidn{n}(void) {{ return 0; }}\n"));
     let source = format!(
         "{}void *oidnNewDevice(int t) {{ return (void *)16; }}\n\
-         int oidnGetDeviceInt(void *d, const char *n) {{ return {version}; }}\n",
+         void *oidnNewFilter(void *d, const char *n) {{ return (void *)16; }}\n\
+         int oidnGetDeviceInt(void *d, const char *n) {{ return {version}; }}\n\
+         static int filters, fault;\n\
+         int oidnExecuteFilter(void *f) {{ fault = filters++ ? 0 : 4; return 0; }}\n\
+         int oidnGetDeviceError(void *d, const char **m) {{\n\
+             int now = fault; fault = 0; *m = \"out of luck\"; return now;\n\
+         }}\n",
         stubs.collect::<String>()
     );
     let (c, library) = (folder.join("fake.c"), folder.join(format!("fake-{version}.so")));
@@ -173,11 +212,15 @@ fn a_library_that_is_missing_or_wrong_is_one_clear_line() {
     let text_file = folder.join("libOpenImageDenoise.so.2");
     std::fs::write(&text_file, "no library\n".repeat(100)).unwrap();
     let old = fake(&folder, 1_04_03);
+    let cut_off = folder.join("cut-off.so");
+    let bytes = std::fs::read(&old).unwrap();
+    std::fs::write(&cut_off, &bytes[..bytes.len() / 2]).unwrap();
     let other = PathBuf::from("/lib/x86_64-linux-gnu/libm.so.6");
     let mut cases = vec![
         (folder.join("nowhere"), "was not found"),
         (text_file.clone(), "invalid ELF header"),
         (folder.clone(), "invalid ELF header"),
+        (cut_off, "cut-off.so is incomplete"),
         (old, "is Open Image Denoise 1.4.3: 2.0 or newer is needed"),
     ];
     if other.exists() {
@@ -209,6 +252,27 @@ fn a_library_that_is_missing_or_wrong_is_one_clear_line() {
         let info = desk.command(&["info", "--denoiser"]).env("LUMICACHE_OIDN", &path).output();
         assert_eq!(info.unwrap().status.code(), Some(1));
     }
+}
+
+#[test]
+fn a_filter_that_fails_leaves_the_picture_and_is_told_once() {
+    let desk = Desk::new();
+    let library = fake(&desk.path(""), 2_05_01);
+    let walk = scene("glossy-walk");
+    let flags = "--integrator path --spp 1 --denoise on --frames 3..5 -o a.%d.exr";
+    let flags: Vec<&str> = flags.split(' ').collect();
+    let arguments = [&["render", &walk], &flags[..], &QUICK[..2]].concat();
+    let output = desk.command(&arguments).env("LUMICACHE_OIDN", &library).output().unwrap();
+    let warning = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{warning}");
+    assert!(warning.contains("out of luck") && warning.lines().count() == 1, "{warning}");
+    let by = |name: &str| {
+        let picture = exr::read(&desk.path(name)).unwrap();
+        assert!(mean(&picture, "Z") > 0.0);
+        picture.attribute("denoiser").cloned()
+    };
+    assert_eq!(by("a.3.exr"), None);
+    assert_eq!(by("a.5.exr"), Some(Attribute::Text("Open Image Denoise 2.5.1".to_owned())));
 }
 
 #[test]
