@@ -46,7 +46,7 @@ demo: build ## Renders a scene to out/demo.exr and out/demo.png (SCENE=NAME pick
 
 denoiser: build ## Installs Open Image Denoise into ~/.local/share/lumicache/oidn, for --denoise (needs python3; 88 MB).
 	@.ci/denoiser
-	$(CARGO) run --release --locked --quiet -- info --denoiser
+	env -u LUMICACHE_OIDN $(CARGO) run --release --locked --quiet -- info --denoiser
 
 install: setup ## Installs the C library: header, shared and static library, pkg-config file, CMake package (PREFIX=/usr/local DESTDIR=).
 	ffi/install "$(PREFIX)" "$(DESTDIR)"

@@ -63,6 +63,7 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
             "tables" => tables = Some(value.trim().into()),
+            "denoiser" if value.trim().is_empty() => (),
             "denoiser" => denoisers = vec![value.trim().into()],
             _ => ensure!(
                 false,

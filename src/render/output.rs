@@ -63,7 +63,9 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
         ("worldToNDC", matrix(camera.world_to_ndc(settings.size))),
     ];
     let cancelled = frame.cancelled.then_some(("cancelled", Attribute::Int(1)));
-    let attributes = attributes.into_iter().chain(cancelled);
+    let denoiser = frame.denoiser.as_ref();
+    let denoiser = denoiser.map(|v| ("denoiser", text(&format!("Open Image Denoise {v}"))));
+    let attributes = attributes.into_iter().chain(cancelled).chain(denoiser);
     picture.attributes = attributes.map(|(name, value)| (name.to_owned(), value)).collect();
     picture
 }

@@ -353,7 +353,8 @@ fn pictures_are_denoised_where_there_is_a_denoiser() {
     if let Err(error) = lumicache::render::find_denoiser(&places) {
         return crate::support::testdata::skipped(&error.to_string());
     }
-    let d = device("");
+    // An empty path is none.
+    let d = device("denoiser=");
     let s = loaded(&d, "cornell-box");
     let c = cache(&s);
     ok(render(&c, LUMI_RENDER_DENOISE));
