@@ -27,7 +27,7 @@ MIRIFLAGS := -Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-deterministic-f
 TSAN_TESTS := handles:: late::tests capi::pool capi::hosted:: a_fill_from_many_threads references_are_counted
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz miri tsan soak clean
+.PHONY: help setup build demo denoiser install header test test-quick test-ffi test-capi test-loom test-hosts test-embree4 lint scenes bench bench-hot fuzz miri tsan soak clean
 
 help: ## Lists the targets.
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null || grep '##' $(MAKEFILE_LIST)
@@ -43,6 +43,10 @@ demo: build ## Renders a scene to out/demo.exr and out/demo.png (SCENE=NAME pick
 	$(CARGO) run --release --locked --quiet -- render scenes/$(SCENE).gltf -o $(OUT)/demo.exr --preview $(OUT)/demo.png
 	@echo "The picture: $(abspath $(OUT))/demo.png"
 	@echo "All its layers: $(abspath $(OUT))/demo.exr"
+
+denoiser: build ## Installs Open Image Denoise into ~/.local/share/lumicache/oidn, for --denoise (needs python3; 88 MB).
+	@.ci/denoiser
+	env -u LUMICACHE_OIDN $(CARGO) run --release --locked --quiet -- info --denoiser
 
 install: setup ## Installs the C library: header, shared and static library, pkg-config file, CMake package (PREFIX=/usr/local DESTDIR=).
 	ffi/install "$(PREFIX)" "$(DESTDIR)"

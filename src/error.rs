@@ -39,7 +39,7 @@ pub enum Error {
     },
     /// An argument is outside its domain.
     InvalidArgument(String),
-    /// The ray tracing device failed.
+    /// The ray tracing device or the denoiser failed, or is missing.
     Device(String),
     /// There is no memory for what was asked.
     OutOfMemory(String),

@@ -16,14 +16,23 @@ pub enum Phase {
     Fill,
     /// Rendering pixels.
     Render,
+    /// Taking out noise.
+    Denoise,
     /// Writing files.
     Write,
 }
 
 impl Phase {
     /// Every phase, in the order in which a run goes through them.
-    pub const ALL: [Self; 6] =
-        [Self::Load, Self::Build, Self::Solve, Self::Fill, Self::Render, Self::Write];
+    pub const ALL: [Self; 7] = [
+        Self::Load,
+        Self::Build,
+        Self::Solve,
+        Self::Fill,
+        Self::Render,
+        Self::Denoise,
+        Self::Write,
+    ];
 
     /// The name as it is shown and written into statistics.
     pub fn name(self) -> &'static str {
@@ -33,6 +42,7 @@ impl Phase {
             Self::Solve => "solve",
             Self::Fill => "fill",
             Self::Render => "render",
+            Self::Denoise => "denoise",
             Self::Write => "write",
         }
     }
@@ -72,6 +82,11 @@ impl Progress {
     /// Adds `units` of finished work.
     pub fn advance(&self, units: u64) {
         self.done.fetch_add(units, Ordering::Relaxed);
+    }
+
+    /// Raises the finished work to `units`, if it is less.
+    pub fn reach(&self, units: u64) {
+        self.done.fetch_max(units, Ordering::Relaxed);
     }
 
     /// Adds `units` to the work still to do, when more is found on the way.

@@ -58,13 +58,17 @@ macro_rules! words {
         }
 
         impl serde::Serialize for $name {
-            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            fn serialize<S: serde::Serializer>(
+                &self, serializer: S,
+            ) -> std::result::Result<S::Ok, S::Error> {
                 serializer.collect_str(&$crate::words::Words::word(*self))
             }
         }
 
         impl<'de> serde::Deserialize<'de> for $name {
-            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+            fn deserialize<D: serde::Deserializer<'de>>(
+                from: D,
+            ) -> std::result::Result<Self, D::Error> {
                 let word = String::deserialize(from)?;
                 $crate::words::Words::from_word(&word)
                     .ok_or_else(|| serde::de::Error::custom(format!("there is no word `{word}`")))

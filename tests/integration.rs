@@ -64,6 +64,7 @@ mod schemes {
 mod pictures {
     mod animations; // cameras that move
     mod bdpt; // bidirectional path tracing
+    mod denoise; // noise taken out
     mod determinism; // same seed, same bytes
     mod furnace; // closed boxes of known radiance
     mod imagefile; // images in and out

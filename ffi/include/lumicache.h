@@ -124,6 +124,15 @@
 // Flag of a render: an orthographic camera.
 #define LUMI_RENDER_ORTHOGRAPHIC 2
 
+// Flag of a render: Open Image Denoise takes the noise out of what was traced. Light from records
+// stays as it is, and so do layers whose names begin with "noisy.". Without Open Image Denoise the
+// call fails with LUMI_ERROR_UNKNOWN, and its message says what is missing.
+#define LUMI_RENDER_DENOISE 4
+
+// Flag of a render: as LUMI_RENDER_DENOISE where Open Image Denoise is installed. Elsewhere the
+// picture is not denoised, and the device's log says so.
+#define LUMI_RENDER_DENOISE_AUTO 8
+
 // Severity of a log message: for information.
 #define LUMI_LOG_INFO 0
 
@@ -536,7 +545,7 @@ typedef struct lumi_layer {
 // All is well.
 #define LUMI_OK 0
 
-// Something outside the library failed: threads, the ray tracer.
+// Something outside the library failed or is missing: threads, the ray tracer, the denoiser.
 #define LUMI_ERROR_UNKNOWN 1
 
 // An argument is outside its range: NULL, a released handle, a handle of another kind, NaN.
@@ -601,7 +610,10 @@ LUMI_API const char *lumi_get_version_string(void);
 // library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
 // `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
 // starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
-// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`).
+// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`),
+// `denoiser=PATH` (the file of Open Image Denoise, or a folder that has it; default: what the
+// environment variable LUMICACHE_OIDN names, else `lumicache/oidn` in the user's data folder, then
+// the system's folders).
 // `out`: receives the device, NULL on failure.
 //
 // Threads: any.

@@ -11,6 +11,7 @@ use crate::accel::{Accel, Backend};
 use crate::error::one_line;
 use crate::geometry::Geometry;
 use crate::material::tables::TableStore;
+use crate::render::denoiser_places;
 use std::ffi::{c_char, c_void};
 use std::path::PathBuf;
 
@@ -29,6 +30,8 @@ pub(super) struct DeviceObject {
     pub backend_version: String,
     /// Where tabulated lobes are kept between runs.
     pub tables: TableStore,
+    /// Where Open Image Denoise is looked for.
+    pub denoisers: Vec<PathBuf>,
 }
 
 impl Kind for DeviceObject {
@@ -48,6 +51,7 @@ impl DeviceObject {
 fn new_device(config: &str) -> Outcome<DeviceObject> {
     let (mut threads, mut wanted) = (0_usize, None);
     let mut tables = std::env::var_os(TABLES);
+    let mut denoisers = denoiser_places(|name| std::env::var_os(name));
     for item in config.split(',').map(str::trim).filter(|i| !i.is_empty()) {
         let (key, value) = item.split_once('=').unwrap_or((item, ""));
         match key.trim() {
@@ -59,9 +63,12 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
             }
             "backend" => wanted = Some(value.trim().parse::<Backend>()?),
             "tables" => tables = Some(value.trim().into()),
-            _ => {
-                ensure!(false, "config: there is no `{key}`; there are threads, backend and tables")
-            }
+            "denoiser" if value.trim().is_empty() => (),
+            "denoiser" => denoisers = vec![value.trim().into()],
+            _ => ensure!(
+                false,
+                "config: there is no `{key}`; there are threads, backend, tables and denoiser"
+            ),
         }
     }
     #[cfg(feature = "private-embree")]
@@ -73,7 +80,7 @@ fn new_device(config: &str) -> Outcome<DeviceObject> {
     let (touched, pool) = (Touched::default(), Pool::new(threads, "lumicache")?);
     let folder = tables.filter(|t| !t.is_empty() && t != "off").map(PathBuf::from);
     let tables = TableStore::new(folder);
-    Ok(DeviceObject { touched, pool, backend, backend_version, tables })
+    Ok(DeviceObject { touched, pool, backend, backend_version, tables, denoisers })
 }
 
 /// The version of the ABI that the library has, as LUMI_ABI_VERSION of its header.
@@ -108,7 +115,10 @@ pub extern "C" fn lumi_get_version_string() -> *const c_char {
 /// library's, fails with LUMI_ERROR_VERSION. `config`: NULL, or settings separated by commas:
 /// `threads=N` (0: all processors), `backend=embree` or `backend=bvh` (default: Embree if it
 /// starts), `tables=FOLDER` (where tabulated glossy lobes are kept between runs, `off` for memory
-/// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`).
+/// alone; default: the folder that the environment variable LUMICACHE_TABLES names, else `off`),
+/// `denoiser=PATH` (the file of Open Image Denoise, or a folder that has it; default: what the
+/// environment variable LUMICACHE_OIDN names, else `lumicache/oidn` in the user's data folder, then
+/// the system's folders).
 /// `out`: receives the device, NULL on failure.
 ///
 /// Threads: any.

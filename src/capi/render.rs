@@ -1,8 +1,8 @@
 //! Whole pictures of our own scenes, for hosts that have no renderer of their own.
 
 use super::abi::{
-    LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH, Output, lumi_cache, lumi_layer, lumi_render_desc,
-    only, read, text,
+    LUMI_RENDER_DENOISE, LUMI_RENDER_DENOISE_AUTO, LUMI_RENDER_ORTHOGRAPHIC, LUMI_RENDER_PATH,
+    Output, lumi_cache, lumi_layer, lumi_render_desc, only, read, text,
 };
 use super::cache::CacheObject;
 use super::describe::{self, in_range};
@@ -12,7 +12,7 @@ use crate::camera::{Camera, Projection};
 use crate::error::Error;
 use crate::film::{LAYERS, Layer};
 use crate::progress::Progress;
-use crate::render::{Caches, IntegratorKind, Job};
+use crate::render::{Caches, Denoise, IntegratorKind, Job};
 
 /// Most layers of one picture.
 const MOST_LAYERS: usize = 256;
@@ -65,7 +65,11 @@ fn wanted(
 
 impl CacheObject {
     fn render(&self, desc: &lumi_render_desc, layers: *const lumi_layer, count: usize) -> Outcome {
-        only(LUMI_RENDER_PATH | LUMI_RENDER_ORTHOGRAPHIC, desc.flags, "render")?;
+        let known = LUMI_RENDER_PATH
+            | LUMI_RENDER_ORTHOGRAPHIC
+            | LUMI_RENDER_DENOISE
+            | LUMI_RENDER_DENOISE_AUTO;
+        only(known, desc.flags, "render")?;
         let (width, height) = (desc.width, desc.height);
         let possible = [width, height].iter().all(|n| (1..=1 << 16).contains(n));
         ensure!(possible, "render: {width} x {height} pixels are not possible");
@@ -77,6 +81,12 @@ impl CacheObject {
         } else {
             IntegratorKind::Cache
         };
+        let denoise = match desc.flags & (LUMI_RENDER_DENOISE | LUMI_RENDER_DENOISE_AUTO) {
+            0 => Denoise::Off,
+            LUMI_RENDER_DENOISE_AUTO => Denoise::Auto,
+            _ => Denoise::On,
+        };
+        let device = &self.scene.device;
         let snapshot = self.live.snapshot();
         let (before, progress) = (snapshot.compact(), Progress::default());
         let before = match self.lobes.load_full() {
@@ -91,12 +101,15 @@ impl CacheObject {
             .size(desc.width, desc.height)
             .max_bounces(made_by.max_bounces)
             .seed(made_by.seed)
+            .denoise(denoise, &device.denoisers)
             .caches(before)
             .progress(&progress);
         if desc.samples > 0 {
             job = job.spp(desc.samples);
         }
-        let frame = self.run(&progress, true, |_| job.run())??.frame;
+        let picture = self.run(&progress, true, |_| job.run())??;
+        picture.warnings.iter().for_each(|warning| device.warn(warning));
+        let frame = picture.frame;
         for (layer, room) in &mut layers {
             let channels = frame.film.channels(layer);
             for (c, samples) in channels.iter().enumerate() {

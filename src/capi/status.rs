@@ -14,7 +14,7 @@ pub type lumi_error = i32;
 
 /// All is well.
 pub const LUMI_OK: lumi_error = 0;
-/// Something outside the library failed: threads, the ray tracer.
+/// Something outside the library failed or is missing: threads, the ray tracer, the denoiser.
 pub const LUMI_ERROR_UNKNOWN: lumi_error = 1;
 /// An argument is outside its range: NULL, a released handle, a handle of another kind, NaN.
 pub const LUMI_ERROR_INVALID_ARGUMENT: lumi_error = 2;

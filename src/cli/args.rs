@@ -36,12 +36,16 @@ pub enum Command {
     },
     /// Measure how far an image is from a reference.
     Compare(Compare),
-    /// Describe a scene file.
+    /// Describe a scene file, or the denoiser.
     Info {
         /// The scene, .gltf or .glb.
-        scene: PathBuf,
+        #[arg(required_unless_present = "denoiser")]
+        scene: Option<PathBuf>,
         #[command(flatten)]
         input: Input,
+        /// Say which Open Image Denoise is found, and where.
+        #[arg(long, conflicts_with = "scene")]
+        denoiser: bool,
     },
     /// Look into cache files, and join them.
     Cache {
@@ -258,6 +262,16 @@ pub enum IntegratorName {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
+pub enum DenoiseName {
+    /// Where Open Image Denoise is installed.
+    Auto,
+    /// Always: without Open Image Denoise nothing is rendered.
+    On,
+    /// Never.
+    Off,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
 pub enum LightUnitsName {
     /// Numbers as the file has them.
     Photometric,
@@ -295,6 +309,10 @@ pub struct Render {
     /// pixel is still noisy.
     #[arg(long, value_name = "N")]
     pub spp: Option<u32>,
+    /// Take the noise out of what was traced by Open Image Denoise; light from records stays as it
+    /// is.
+    #[arg(long, value_enum, default_value = "off")]
+    pub denoise: DenoiseName,
     /// Most surface interactions after the camera hit; without it paths end by Russian roulette
     /// alone.
     #[arg(long, value_name = "N")]

@@ -3,6 +3,7 @@
 mod args;
 mod tables;
 mod terminal;
+mod denoiser;
 mod presets;
 mod bench;
 mod cache;
@@ -38,7 +39,8 @@ fn run(command: Command) -> Result<()> {
         Command::Presets { settings: true, .. } => terminal::print(settings_page().as_bytes()),
         Command::Presets { name, all, json, .. } => presets::run(name.as_deref(), all, json),
         Command::Compare(arguments) => compare::run(&arguments),
-        Command::Info { scene, input } => info::run(&scene, &input),
+        Command::Info { scene: Some(scene), input, .. } => info::run(&scene, &input),
+        Command::Info { scene: None, .. } => denoiser::info(),
         Command::Cache { what } => cache::run(&what),
         Command::Bench { what } => bench::run(&what),
         Command::Completions { shell } => manual::completions(shell),

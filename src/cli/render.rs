@@ -1,6 +1,7 @@
 //! `lumicache render`.
 
-use super::args::{IntegratorName, LightUnitsName, Render};
+use super::args::{DenoiseName, IntegratorName, LightUnitsName, Render};
+use super::denoiser::places;
 use super::info::BENT_LIGHT;
 use super::presets::{is_file, pair, preset};
 use super::tables::tables;
@@ -15,7 +16,9 @@ use lumicache::import::{self, ImportOptions, LightUnits};
 use lumicache::light::{EnvironmentMap, PunctualLight, Sky};
 use lumicache::progress::{Phase, Progress};
 use lumicache::render::viewer::{Display, Tile};
-use lumicache::render::{Clock, FrameCost, IntegratorKind, Job, Rendering, Selection, frame_path};
+use lumicache::render::{
+    Clock, Denoise, FrameCost, IntegratorKind, Job, Rendering, Selection, find_denoiser, frame_path,
+};
 use lumicache::scene::Scene;
 use lumicache::transport::glass_bends_light;
 use serde_json::Value;
@@ -39,6 +42,7 @@ pub fn run(arguments: &Render) -> Result<()> {
 struct Request<'a> {
     arguments: &'a Render,
     scheme: Scheme,
+    denoise: Denoise,
     layers: Selection,
     options: ImportOptions,
     sky: Option<(EnvironmentMap, Option<PunctualLight>)>,
@@ -91,9 +95,18 @@ impl<'a> Request<'a> {
         if arguments.spp.is_some_and(|n| !Job::SPP.contains(&n)) {
             return Err(Error::InvalidArgument("--spp must be between 1 and 1048576".into()));
         }
+        let denoise = match arguments.denoise {
+            DenoiseName::Auto => Denoise::Auto,
+            DenoiseName::On => Denoise::On,
+            DenoiseName::Off => Denoise::Off,
+        };
+        if denoise == Denoise::On {
+            find_denoiser(&places())?;
+        }
         Ok(Self {
             arguments,
             scheme,
+            denoise,
             layers,
             options: ImportOptions { light_units, ..arguments.input.options() },
             sky,
@@ -123,6 +136,7 @@ impl<'a> Request<'a> {
                 let job = job.watcher(|area, film| viewer.show(area, film));
                 let picture = self.picture(job, progress)?;
                 warnings.extend(self.kept(&picture));
+                warnings.extend(picture.warnings.iter().cloned());
                 (picture.frame.cancelled, self.exposed(&picture))
             }
             Some(frames) => {
@@ -145,6 +159,7 @@ impl<'a> Request<'a> {
                 let told = self.write_stats(|| sequence.stats());
                 written.and(saved).and(told)?;
                 warnings.extend(self.kept(&sequence.last));
+                warnings.extend(sequence.last.warnings.iter().cloned());
                 let summary = table(&sequence.costs) + &self.exposed(&sequence.last);
                 (sequence.last.frame.cancelled, summary)
             }
@@ -194,6 +209,7 @@ impl<'a> Request<'a> {
             .max_bounces(arguments.max_bounces.unwrap_or(u32::MAX))
             .seed(arguments.seed)
             .prepass_only(arguments.prepass_only)
+            .denoise(self.denoise, &places())
             .cache_files(&arguments.cache_load, arguments.cache_reuse)
             .layers(self.layers.clone())
             .exposure(arguments.exposure)

@@ -1,8 +1,8 @@
 //! The layers of a picture: what each of them shows of a pixel.
 
-use super::pixel::Pixel;
+use super::pixel::{Parts, Pixel};
 use crate::imagefile::SampleKind;
-use crate::math::Vec3;
+use crate::math::{Color, Vec3};
 
 /// A layer of the output file: a name, and one to four channels per pixel.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +15,36 @@ pub struct Layer {
     pub kind: SampleKind,
     /// Part of the default set.
     pub basic: bool,
-    pub(super) values: fn(&Pixel) -> [f32; 4],
+    /// Shows what was denoised as it was before.
+    pub noisy: bool,
+    pub(super) values: fn(&Shown) -> [f32; 4],
+}
+
+/// A pixel as the layers see it.
+pub(super) struct Shown<'a> {
+    pub pixel: &'a Pixel,
+    /// The parts of its radiance without noise, if the picture was denoised.
+    pub denoised: Option<&'a Parts>,
+}
+
+impl Shown<'_> {
+    /// Radiance.
+    pub fn radiance(&self) -> Color {
+        self.denoised.map_or_else(|| self.pixel.radiance(), |parts| parts.iter().sum())
+    }
+
+    /// Part `k` of the radiance.
+    fn part(&self, k: usize) -> Color {
+        self.denoised.map_or_else(|| self.pixel.part(k), |parts| parts[k])
+    }
+}
+
+impl std::ops::Deref for Shown<'_> {
+    type Target = Pixel;
+
+    fn deref(&self) -> &Pixel {
+        self.pixel
+    }
 }
 
 const ONE: &[&str] = &[""];
@@ -31,8 +60,8 @@ pub const LAYERS: &[Layer] = &[
     Layer::new("glossy_direct", RGB, |p| three(p.part(2))).basic(),
     Layer::new("glossy_indirect", RGB, |p| three(p.part(3))).basic(),
     Layer::new("emission", RGB, |p| three(p.part(4))).basic(),
-    Layer::new("albedo", RGB, |p| three(p.albedo * p.weight())).basic(),
-    Layer::new("N", XYZ, |p| three(p.normal.normalize_or_zero())).basic(),
+    Layer::new("albedo", RGB, |p| three(p.albedo())).basic(),
+    Layer::new("N", XYZ, |p| three(p.normal())).basic(),
     Layer::new("P", XYZ, |p| three(p.position())).float(),
     Layer::new("Z", ONE, |p| one(p.distance())).basic().float(),
     Layer::new("gi.records", ONE, |p| one(p.records * p.weight())),
@@ -41,6 +70,10 @@ pub const LAYERS: &[Layer] = &[
     Layer::new("gi.a", ONE, |p| one(p.allowed_error())),
     Layer::new("gi.irradiance", RGB, |p| three(p.irradiance * p.weight())),
     Layer::new("variance", RGB, |p| three(p.variance())).float(),
+    Layer::new("noisy.diffuse_direct", RGB, |p| three(p.pixel.part(0))).noisy(),
+    Layer::new("noisy.diffuse_indirect", RGB, |p| three(p.pixel.part(1))).noisy(),
+    Layer::new("noisy.glossy_direct", RGB, |p| three(p.pixel.part(2))).noisy(),
+    Layer::new("noisy.glossy_indirect", RGB, |p| three(p.pixel.part(3))).noisy(),
 ];
 
 fn one(x: f32) -> [f32; 4] {
@@ -53,13 +86,17 @@ fn three(v: Vec3) -> [f32; 4] {
 
 impl Layer {
     const fn new(
-        name: &'static str, channels: &'static [&'static str], values: fn(&Pixel) -> [f32; 4],
+        name: &'static str, channels: &'static [&'static str], values: fn(&Shown) -> [f32; 4],
     ) -> Self {
-        Self { name, channels, kind: SampleKind::Half, basic: false, values }
+        Self { name, channels, kind: SampleKind::Half, basic: false, noisy: false, values }
     }
 
     const fn basic(self) -> Self {
         Self { basic: true, ..self }
+    }
+
+    const fn noisy(self) -> Self {
+        Self { noisy: true, ..self }
     }
 
     const fn float(self) -> Self {

@@ -4,12 +4,13 @@ mod pixel;
 mod layers;
 
 pub use layers::{LAYERS, Layer};
-pub use pixel::Pixel;
+pub use pixel::{Parts, Pixel};
 
 use crate::error::{Error, Result};
 use crate::imagefile::{Crop, Picture};
 use crate::math::{Color, luminance};
 use crate::transport::Splat;
+use layers::Shown;
 
 /// The image under way: the pixels of a crop window of it.
 #[derive(Clone, Debug)]
@@ -19,6 +20,8 @@ pub struct Film {
     /// Rendered window: x0, y0, x1, y1, ends excluded.
     pub window: [u32; 4],
     pixels: Vec<Pixel>,
+    /// The parts of every pixel without noise; empty where nothing was denoised.
+    denoised: Vec<Parts>,
 }
 
 impl Film {
@@ -34,7 +37,7 @@ impl Film {
             Error::memory(format_args!("an image of {}x{} pixels", size[0], size[1]), bytes)
         })?;
         pixels.resize(count, Pixel::default());
-        Ok(Self { size, window, pixels })
+        Ok(Self { size, window, pixels, denoised: Vec::new() })
     }
 
     /// Columns and rows of the window.
@@ -52,6 +55,23 @@ impl Film {
         &mut self.pixels
     }
 
+    /// Takes `parts` for those of the pixels, which stay as they are for statistics and the layers
+    /// `noisy.*`.
+    pub fn denoise(&mut self, parts: Vec<Parts>) {
+        assert_eq!(parts.len(), self.pixels.len(), "one set of parts for each pixel");
+        self.denoised = parts;
+    }
+
+    /// True after [`Film::denoise`].
+    pub fn is_denoised(&self) -> bool {
+        !self.denoised.is_empty()
+    }
+
+    /// Pixel `i` as the layers see it.
+    fn shown(&self, i: usize) -> Shown<'_> {
+        Shown { pixel: &self.pixels[i], denoised: self.denoised.get(i) }
+    }
+
     /// Adds light that came to a pixel by the sample of another one. Splats do not count as
     /// samples, and the variance does not know of them.
     pub fn splat(&mut self, splat: &Splat) {
@@ -61,8 +81,8 @@ impl Film {
     /// The channels of `layer`, each row by row.
     pub fn channels(&self, layer: &Layer) -> Vec<Vec<f32>> {
         let mut channels = vec![Vec::with_capacity(self.pixels.len()); layer.channels.len()];
-        for p in &self.pixels {
-            let values = (layer.values)(p);
+        for i in 0..self.pixels.len() {
+            let values = (layer.values)(&self.shown(i));
             for (channel, value) in channels.iter_mut().zip(values) {
                 channel.push(value);
             }
@@ -89,13 +109,13 @@ impl Film {
     pub fn area(&self, [x0, y0, x1, y1]: [u32; 4]) -> Vec<Color> {
         let width = self.window_size()[0];
         (y0..y1)
-            .flat_map(|y| (x0..x1).map(move |x| self.pixels[(y * width + x) as usize].radiance()))
+            .flat_map(|y| (x0..x1).map(move |x| self.shown((y * width + x) as usize).radiance()))
             .collect()
     }
 
     /// Mean radiance of every pixel.
     pub fn radiance(&self) -> Vec<Color> {
-        self.pixels.iter().map(Pixel::radiance).collect()
+        (0..self.pixels.len()).map(|i| self.shown(i).radiance()).collect()
     }
 
     /// Distance to the first surface in every pixel, infinite where there is none.
@@ -105,7 +125,7 @@ impl Film {
 
     /// Mean luminance of the image.
     pub fn mean_luminance(&self) -> f32 {
-        let sum: f64 = self.pixels.iter().map(|p| f64::from(luminance(p.radiance()))).sum();
+        let sum: f64 = self.radiance().iter().map(|&c| f64::from(luminance(c))).sum();
         (sum / self.pixels.len().max(1) as f64) as f32
     }
 }

@@ -3,11 +3,13 @@
 use crate::math::{Color, Vec3, luminance};
 use crate::transport::{Shaded, Status};
 
+/// The five parts of the radiance, in the order of [`crate::transport::Radiance::parts`].
+pub type Parts = [Color; 5];
+
 /// Sums over the samples of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pixel {
-    /// The five parts of the radiance, in the order of [`crate::transport::Radiance::parts`].
-    pub(super) parts: [Color; 5],
+    pub(super) parts: Parts,
     pub(super) albedo: Color,
     pub(super) normal: Vec3,
     position: Vec3,
@@ -110,6 +112,31 @@ impl Pixel {
     pub fn luminance_variance(&self) -> f32 {
         let v = self.variance();
         luminance(Color::new(v.x.sqrt(), v.y.sqrt(), v.z.sqrt())).powi(2)
+    }
+
+    /// Means of the parts of the radiance.
+    pub fn parts(&self) -> Parts {
+        self.parts.map(|sum| sum * self.weight())
+    }
+
+    /// Mean albedo.
+    pub fn albedo(&self) -> Color {
+        self.albedo * self.weight()
+    }
+
+    /// Unit mean normal; zero without a surface.
+    pub fn normal(&self) -> Vec3 {
+        self.normal.normalize_or_zero()
+    }
+
+    /// The shares of diffuse and of glossy indirect light that paths brought, not records; 1 where
+    /// records were not asked.
+    pub fn traced(&self) -> [f32; 2] {
+        let share = |of_records: f32, all: f32| {
+            if all > 0.0 { 1.0 - of_records / all } else { 1.0 }
+        };
+        let [glossy, cached] = self.glossy.map(|n| n as f32);
+        [share(self.cached, self.cached + self.traced), share(cached, glossy)]
     }
 
     /// Mean of part `k` of the radiance.

@@ -1,11 +1,13 @@
 //! Pictures of a camera that moves: which frames, from where, and into which files.
 
 use super::clock::Clock;
+use super::denoise::Found;
 use super::frame::Frame;
-use super::job::{Job, on_workers};
+use super::job::Job;
 use super::rendering::Rendering;
 use super::sequence::{Growth, fill_sequence};
 use super::settings::Settings;
+use super::threads::on_workers;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::progress::{Phase, Progress};
@@ -85,7 +87,7 @@ pub struct FrameCost {
 
 /// A rendered sequence.
 pub struct Sequence<'a> {
-    /// The last picture that was rendered, with the time of the whole sequence.
+    /// The last picture that was rendered, with the time and the warnings of the whole sequence.
     pub last: Rendering<'a>,
     /// The cost of each frame.
     pub costs: Vec<FrameCost>,
@@ -153,6 +155,7 @@ impl<'a> Job<'a> {
         mut finished: impl FnMut(u32, &Rendering) -> Result<()>,
     ) -> Result<Sequence<'a>> {
         let settings = self.settings()?;
+        let found = Found::new(settings.denoise, &self.denoisers)?;
         let mut caches = self.begin(&settings)?;
         let nobody = Progress::default();
         let progress = self.progress.unwrap_or(&nobody);
@@ -165,23 +168,28 @@ impl<'a> Job<'a> {
             growth = match filled {
                 Err(Error::Cancelled) => {
                     let frame = Frame { cancelled: true, ..Frame::empty(&settings, Some(caches))? };
-                    let last = Rendering::new(self.scene, frame, settings, self.clock, self.output);
+                    let (clock, output) = (self.clock, self.output);
+                    let last =
+                        Rendering::new(self.scene, frame, settings, clock, output, Vec::new());
                     return Ok(Sequence { last, costs: Vec::new() });
                 }
                 filled => filled?,
             };
         }
-        let (mut costs, mut last) = (Vec::new(), None);
+        let (mut costs, mut last, mut told) = (Vec::new(), None, Vec::<String>::new());
         for ((number, camera), growth) in cameras.iter().zip(growth) {
             let settings = Settings { camera: camera.clone(), ..settings.clone() };
             let mut clock = Clock::default();
             clock.start(Phase::Render);
             let (caches, watcher) = (caches.as_ref(), &mut self.watcher);
-            let frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
+            let mut frame = Frame::shade(self.scene, &settings, caches, None, progress, watcher)?;
+            let warnings =
+                found.denoise(&mut frame, &settings, &mut clock, progress, &mut self.watcher);
+            told.extend(warnings.iter().filter(|w| !told.contains(w)).cloned().collect::<Vec<_>>());
             clock.start(Phase::Write);
             progress.start(Phase::Write, 0);
             let mut picture =
-                Rendering::new(self.scene, frame, settings, clock, self.output.clone());
+                Rendering::new(self.scene, frame, settings, clock, self.output.clone(), warnings);
             // The first frame with any light decides for all: the preview must not flicker.
             self.output.exposure = picture.output.exposure;
             finished(*number, &picture)?;
@@ -197,7 +205,7 @@ impl<'a> Job<'a> {
         }
         let mut last =
             last.ok_or_else(|| Error::InvalidArgument("a sequence without frames".into()))?;
-        last.clock = self.clock;
+        (last.clock, last.warnings) = (self.clock, told);
         Ok(Sequence { last, costs })
     }
 }

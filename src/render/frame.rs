@@ -29,6 +29,8 @@ pub struct Frame {
     pub caches: Option<Caches>,
     /// CPU seconds of rendering spent on cache lookups and on direct light.
     pub shading_seconds: [f64; 2],
+    /// The version of the Open Image Denoise that took the noise out of the film, if one did.
+    pub denoiser: Option<String>,
     /// The frame was cancelled and holds the samples so far.
     pub cancelled: bool,
 }
@@ -51,6 +53,7 @@ impl Frame {
             film: Film::new(settings.size, settings.window)?,
             caches: caches.cloned(),
             shading_seconds: [0.0; 2],
+            denoiser: None,
             cancelled: false,
         })
     }

@@ -2,21 +2,21 @@
 
 use super::caches::Caches;
 use super::clock::Clock;
+use super::denoise::Found;
 use super::frame::{Frame, Watcher};
 use super::rendering::{Output, Rendering, origin};
 use super::selection::Selection;
-use super::settings::{IntegratorKind, Settings};
+use super::settings::{Denoise, IntegratorKind, Settings};
+use super::threads::on_workers;
 use super::visible::fill_for_camera;
 use crate::cache::{Cache, CacheFile, Preset, Schedule, Scheme};
 use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
-use crate::ffi::mxcsr;
 use crate::film::Film;
 use crate::imagefile::Exposure;
 use crate::import::default_camera;
 use crate::progress::{Phase, Progress};
 use crate::scene::Scene;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -58,6 +58,8 @@ pub struct Job<'a> {
     max_bounces: u32,
     seed: u64,
     prepass_only: bool,
+    denoise: Denoise,
+    pub(super) denoisers: Vec<PathBuf>,
     before: Before,
     pub(super) progress: Option<&'a Progress>,
     pub(super) watcher: Box<Watcher<'a>>,
@@ -103,6 +105,8 @@ impl<'a> Job<'a> {
             max_bounces: u32::MAX,
             seed: 0,
             prepass_only: false,
+            denoise: Denoise::Off,
+            denoisers: Vec::new(),
             before: Before::Nothing,
             progress: None,
             watcher: Box::new(|_, _| ()),
@@ -125,6 +129,7 @@ impl<'a> Job<'a> {
             max_bounces: settings.max_bounces,
             seed: settings.seed,
             prepass_only: settings.prepass_only,
+            denoise: settings.denoise,
             ..Self::new(scene)
         }
     }
@@ -220,6 +225,13 @@ impl<'a> Job<'a> {
     /// Fills the cache, but renders nothing.
     pub fn prepass_only(mut self, only: bool) -> Self {
         self.prepass_only = only;
+        self
+    }
+
+    /// Takes the noise out of what was traced; by default off. `places` are files of Open Image
+    /// Denoise, or folders that may have it: see [`denoiser_places`](super::denoiser_places).
+    pub fn denoise(mut self, denoise: Denoise, places: &[PathBuf]) -> Self {
+        (self.denoise, self.denoisers) = (denoise, places.to_vec());
         self
     }
 
@@ -323,6 +335,7 @@ impl<'a> Job<'a> {
             max_bounces: self.max_bounces,
             seed: self.seed,
             prepass_only: self.prepass_only,
+            denoise: self.denoise,
         };
         settings.check()?;
         Ok(settings)
@@ -338,8 +351,9 @@ impl<'a> Job<'a> {
         self.scene.motions().get(number)?.as_ref()
     }
 
-    /// Renders the picture on the thread pool of the calling thread; on [`workers`] of its own
-    /// where that is no thread of a pool. A cancelled job returns the picture so far.
+    /// Renders the picture on the thread pool of the calling thread; on
+    /// [`workers`](super::workers) of its own where that is no thread of a pool. A cancelled job
+    /// returns the picture so far.
     ///
     /// # Errors
     /// Those of [`Job::settings`] and of reading cache files.
@@ -349,6 +363,7 @@ impl<'a> Job<'a> {
 
     fn render(mut self) -> Result<Rendering<'a>> {
         let settings = self.settings()?;
+        let found = Found::new(settings.denoise, &self.denoisers)?;
         let mut caches = self.begin(&settings)?;
         let nobody = Progress::default();
         let progress = self.progress.unwrap_or(&nobody);
@@ -356,7 +371,7 @@ impl<'a> Job<'a> {
             self.clock.start(Phase::Fill);
             fill_for_camera(caches, self.scene, &settings, &[], progress)
         });
-        let frame = match births.transpose() {
+        let mut frame = match births.transpose() {
             Err(Error::Cancelled) => {
                 Frame { cancelled: true, ..Frame::empty(&settings, caches.as_ref())? }
             }
@@ -368,8 +383,10 @@ impl<'a> Job<'a> {
                 Frame::shade(self.scene, &settings, caches, limits, progress, &mut self.watcher)?
             }
         };
+        let warnings =
+            found.denoise(&mut frame, &settings, &mut self.clock, progress, &mut self.watcher);
         self.clock.stop();
-        Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output))
+        Ok(Rendering::new(self.scene, frame, settings, self.clock, self.output, warnings))
     }
 
     /// The caches with the records to begin with; `None` for an integrator without records.
@@ -410,23 +427,6 @@ pub fn camera_number(cameras: &[Camera], wanted: &str) -> Result<usize> {
         let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         Error::InvalidArgument(format!("there is no camera `{wanted}`; the cameras are {known}"))
     })
-}
-
-/// `count` threads that render as those of the command line do; 0 stands for all processors.
-///
-/// # Errors
-/// [`Error::Device`] if the threads cannot be started.
-pub fn workers(count: usize) -> Result<ThreadPool> {
-    ThreadPoolBuilder::new()
-        .num_threads(count)
-        .start_handler(|_| mxcsr::flush_denormals())
-        .build()
-        .map_err(|e| Error::Device(format!("threads could not be started: {e}")))
-}
-
-/// Does `work` on the thread pool of the calling thread, or else on one of its own.
-pub(super) fn on_workers<R: Send>(work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
-    if rayon::current_thread_index().is_some() { work() } else { workers(0)?.install(work) }
 }
 
 #[cfg(test)]

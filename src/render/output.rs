@@ -41,7 +41,7 @@ pub struct Facts {
 
 fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Facts) -> Picture {
     let film = &frame.film;
-    let mut picture = film.picture(selection.layers().iter().copied());
+    let mut picture = film.picture(selection.of(film.is_denoised()));
     if let Some(caches) = frame.caches.as_ref().filter(|_| facts.show_records) {
         let drawn = overlay::draw(film, &caches.cache, settings);
         picture.add_colors("gi.overlay.", SampleKind::Half, &drawn.overlay);
@@ -66,7 +66,9 @@ fn picture(frame: &Frame, settings: &Settings, selection: &Selection, facts: &Fa
         ("worldToNDC", matrix(camera.world_to_ndc(settings.size))),
     ];
     let cancelled = frame.cancelled.then_some(("cancelled", Attribute::Int(1)));
-    let attributes = attributes.into_iter().chain(cancelled);
+    let denoiser = frame.denoiser.as_ref();
+    let denoiser = denoiser.map(|v| ("denoiser", text(&format!("Open Image Denoise {v}"))));
+    let attributes = attributes.into_iter().chain(cancelled).chain(denoiser);
     picture.attributes = attributes.map(|(name, value)| (name.to_owned(), value)).collect();
     picture
 }

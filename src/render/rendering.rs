@@ -38,6 +38,8 @@ pub struct Rendering<'a> {
     pub settings: Settings,
     /// The time that it took.
     pub clock: Clock,
+    /// What to tell the user, such as that the denoiser is missing.
+    pub warnings: Vec<String>,
     scene: &'a Scene,
     pub(super) output: Output,
     threads: usize,
@@ -46,10 +48,12 @@ pub struct Rendering<'a> {
 impl<'a> Rendering<'a> {
     pub(super) fn new(
         scene: &'a Scene, frame: Frame, settings: Settings, clock: Clock, output: Output,
+        warnings: Vec<String>,
     ) -> Self {
         let exposure = output.exposure.decided(|| frame.film.radiance());
         let output = Output { exposure, ..output };
-        Self { frame, settings, clock, scene, output, threads: rayon::current_num_threads() }
+        let threads = rayon::current_num_threads();
+        Self { frame, settings, clock, warnings, scene, output, threads }
     }
 
     /// Stops by which the preview is exposed: those that [`Job::exposure`](super::Job::exposure)

@@ -5,7 +5,11 @@ use crate::film::{LAYERS, Layer};
 
 /// The layers of the output file.
 #[derive(Clone, Debug)]
-pub struct Selection(Vec<&'static Layer>);
+pub struct Selection {
+    layers: Vec<&'static Layer>,
+    /// Somebody named the layers.
+    named: bool,
+}
 
 impl Selection {
     /// Reads `none` (the beauty alone), `basic`, `all`, or names of layers separated by commas; the
@@ -15,12 +19,13 @@ impl Selection {
     /// [`Error::InvalidArgument`] listing the layers there are.
     pub fn parse(text: &str) -> Result<Self> {
         let chosen = |pick: &dyn Fn(&Layer) -> bool| {
-            Self(LAYERS.iter().filter(|l| l.name.is_empty() || pick(l)).collect())
+            LAYERS.iter().filter(|l| l.name.is_empty() || pick(l)).collect()
         };
+        let set = |layers| Ok(Self { layers, named: false });
         match text {
-            "none" => Ok(chosen(&|_| false)),
-            "basic" => Ok(chosen(&|l| l.basic)),
-            "all" => Ok(chosen(&|_| true)),
+            "none" => set(chosen(&|_| false)),
+            "basic" => set(chosen(&|l| l.basic)),
+            "all" => set(chosen(&|_| true)),
             list => {
                 let names: Vec<&str> = list.split(',').map(str::trim).collect();
                 if let Some(unknown) =
@@ -33,14 +38,21 @@ impl Selection {
                         known.join(", ")
                     )));
                 }
-                Ok(chosen(&|l| names.contains(&l.name)))
+                Ok(Self { layers: chosen(&|l| names.contains(&l.name)), named: true })
             }
         }
     }
 
     /// The layers in the order of the file.
     pub fn layers(&self) -> &[&'static Layer] {
-        &self.0
+        &self.layers
+    }
+
+    /// The layers of a picture that was `denoised` or not: without that, sets leave out the layers
+    /// that show it as it was before.
+    pub fn of(&self, denoised: bool) -> impl Iterator<Item = &'static Layer> {
+        let all = self.named || denoised;
+        self.layers.iter().copied().filter(move |l| all || !l.noisy)
     }
 }
 
@@ -54,6 +66,9 @@ mod tests {
         assert_eq!(Selection::parse("all").unwrap().layers().len(), LAYERS.len());
         let two = Selection::parse("N,gi.error").unwrap();
         assert_eq!(two.layers().iter().map(|l| l.name).collect::<Vec<_>>(), ["", "N", "gi.error"]);
+        let count = |text, denoised| Selection::parse(text).unwrap().of(denoised).count();
+        assert_eq!(count("all", false) + 4, count("all", true));
+        assert_eq!(count("noisy.glossy_direct", false), 2);
         assert!(Selection::parse("N,nonsense").unwrap_err().to_string().contains("nonsense"));
     }
 }

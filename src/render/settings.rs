@@ -3,12 +3,20 @@
 use crate::cache::{Schedule, Scheme, ShadingPoint};
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_room};
-use crate::film::Pixel;
+use crate::ffi::denoise::MEMORY;
+use crate::film::{Parts, Pixel};
+use crate::math::Color;
 use crate::sampling::{hash, stream};
 use crate::transport::CameraSample;
+use crate::words::{Words, words};
 
 /// Bytes per pixel of the default layers of the output.
 const LAYERS: usize = 26 * 4;
+
+/// Bytes per pixel of denoising: the parts, their two shares, filtered light, albedo and normal.
+const DENOISED: usize = size_of::<Parts>() + 5 * size_of::<Color>() + 8;
+/// Bytes per pixel of the filter itself, up to its limit.
+const FILTER: u64 = 700;
 
 /// Which light transport makes the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +37,18 @@ impl IntegratorKind {
             Self::Path => "path",
             Self::Bdpt => "bdpt",
         }
+    }
+}
+
+words! {
+    /// Whether a picture is denoised.
+    pub enum Denoise {
+        /// Where Open Image Denoise is installed.
+        Auto = "auto",
+        /// Always: without Open Image Denoise nothing is rendered.
+        On = "on",
+        /// Never.
+        Off = "off",
     }
 }
 
@@ -56,6 +76,8 @@ pub struct Settings {
     pub seed: u64,
     /// Fill the cache, but render nothing.
     pub prepass_only: bool,
+    /// Take the noise out of what was traced.
+    pub denoise: Denoise,
 }
 
 impl Settings {
@@ -76,6 +98,9 @@ impl Settings {
             self.seed,
             self.camera.name,
         );
+        if self.denoise != Denoise::Off {
+            text += &format!(" denoise={}", self.denoise.word());
+        }
         if self.integrator == IntegratorKind::Cache {
             text += &format!(
                 " scheme={}",
@@ -99,8 +124,12 @@ impl Settings {
         }
         // Nothing is lost later for want of memory that is known to be wanted now.
         let pixels = u64::from(x1 - x0) * u64::from(y1 - y0);
-        let bytes =
-            pixels * (size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS)) as u64;
+        let each = size_of::<Pixel>() + 2 * size_of::<ShadingPoint>().max(LAYERS);
+        let mut bytes = pixels * each as u64;
+        if self.denoise != Denoise::Off {
+            let filter = (pixels * FILTER).min(u64::from(MEMORY) << 20);
+            bytes += pixels * DENOISED as u64 + filter;
+        }
         check_room(format_args!("an image of {} x {} pixels", x1 - x0, y1 - y0), bytes)
     }
 }

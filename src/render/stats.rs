@@ -83,6 +83,7 @@ pub fn stats(
         "threads": threads,
         "peak_memory_bytes": peak_memory_bytes(),
         "cancelled": frame.cancelled,
+        "denoiser": frame.denoiser,
         "settings": settings.describe(),
     })
 }

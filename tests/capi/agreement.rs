@@ -312,3 +312,52 @@ fn the_log_hears_warnings_and_failures() {
         "{heard:?}"
     );
 }
+
+#[test]
+fn pictures_are_denoised_where_there_is_a_denoiser() {
+    let size = [40_u32, 30];
+    let mut rooms = [vec![0.0_f32; 3600], vec![0.0_f32; 3600]];
+    let names = ["diffuse_indirect", "noisy.diffuse_indirect"].map(text);
+    let layers: Vec<lumi_layer> = names
+        .iter()
+        .zip(&mut rooms)
+        .map(|(name, room)| lumi_layer {
+            name: name.as_ptr(),
+            data: room.as_mut_ptr(),
+            channels: 3,
+            reserved: 0,
+        })
+        .collect();
+    let render = |c: &CacheHandle, flags: u32| {
+        let flags = LUMI_RENDER_PATH | flags;
+        let desc = lumi_render_desc { flags, ..picture("cornell-box", size, 2) };
+        unsafe { lumi_cache_render(c.0, &raw const desc, layers.as_ptr(), layers.len()) }
+    };
+
+    let heard: std::sync::Mutex<Vec<(i32, i32, String)>> = Default::default();
+    let d = device("denoiser=/nowhere");
+    ok(unsafe { lumi_device_set_log(d.0, Some(listen), (&raw const heard).cast_mut().cast()) });
+    let s = loaded(&d, "cornell-box");
+    let c = cache(&s);
+    fails(render(&c, LUMI_RENDER_DENOISE), LUMI_ERROR_UNKNOWN, "/nowhere");
+    heard.lock().unwrap().clear();
+    ok(render(&c, LUMI_RENDER_DENOISE_AUTO));
+    {
+        let heard = heard.lock().unwrap();
+        let clear = heard[0].0 == LUMI_LOG_WARNING && heard[0].2.contains("make denoiser");
+        assert!(clear && heard.len() == 1, "{heard:?}");
+    }
+    assert!(rooms[0] == rooms[1] && rooms[0].iter().sum::<f32>() > 0.0);
+
+    let places = lumicache::render::denoiser_places(|name| std::env::var_os(name));
+    if let Err(error) = lumicache::render::find_denoiser(&places) {
+        return crate::support::testdata::skipped(&error.to_string());
+    }
+    // An empty path is none.
+    let d = device("denoiser=");
+    let s = loaded(&d, "cornell-box");
+    let c = cache(&s);
+    ok(render(&c, LUMI_RENDER_DENOISE));
+    let changed = rooms[0].iter().zip(&rooms[1]).filter(|(a, b)| a != b).count();
+    assert!(changed > 1000, "{changed} of 3600 numbers changed");
+}

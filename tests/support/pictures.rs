@@ -9,7 +9,7 @@ use lumicache::geometry::SurfacePoint;
 use lumicache::imagefile::{Channel, Picture, SampleKind, exr};
 use lumicache::import;
 use lumicache::progress::Progress;
-use lumicache::render::{Frame, IntegratorKind, Job, Settings};
+use lumicache::render::{Denoise, Frame, IntegratorKind, Job, Settings};
 use lumicache::sampling::hash;
 use lumicache::scene::{Scene, SceneData};
 use lumicache::transport::{CameraSample, PathTracer, SceneProbe};
@@ -82,6 +82,7 @@ pub fn settings(
         max_bounces: u32::MAX,
         seed: 0,
         prepass_only: false,
+        denoise: Denoise::Off,
     }
 }
 

@@ -57,7 +57,7 @@ fn help_and_version() {
     }
     let help = desk.print(&["render", "--help"]);
     let flags = "output integrator preset quality set size spp max-bounces rays error backend threads seed camera crop env env-rotate env-scale light-units \
-                 prepass-only aov preview exposure stats show-records display-server quiet";
+                 prepass-only aov denoise preview exposure stats show-records display-server quiet";
     for flag in flags.split_whitespace() {
         assert!(help.contains(&format!("--{flag}")), "render --help does not list --{flag}");
     }

@@ -120,7 +120,7 @@ fn statistics_have_their_keys() {
         &["--stats", "stats.json", "--threads", "1", "--backend", "bvh", "--set", "levels=2"],
     );
     let stats = desk.json("stats.json");
-    for phase in ["load", "accel_build", "fill", "render", "write"] {
+    for phase in ["load", "accel_build", "fill", "render", "denoise", "write"] {
         for key in ["seconds", "cpu_seconds"] {
             assert!(
                 stats["phases"][phase][key].as_f64().is_some_and(|s| s >= 0.0),

@@ -134,6 +134,13 @@ pub const LUMI_REUSE: u32 = 1;
 pub const LUMI_RENDER_PATH: u32 = 1;
 /// Flag of a render: an orthographic camera.
 pub const LUMI_RENDER_ORTHOGRAPHIC: u32 = 2;
+/// Flag of a render: Open Image Denoise takes the noise out of what was traced. Light from records
+/// stays as it is, and so do layers whose names begin with "noisy.". Without Open Image Denoise the
+/// call fails with LUMI_ERROR_UNKNOWN, and its message says what is missing.
+pub const LUMI_RENDER_DENOISE: u32 = 4;
+/// Flag of a render: as LUMI_RENDER_DENOISE where Open Image Denoise is installed. Elsewhere the
+/// picture is not denoised, and the device's log says so.
+pub const LUMI_RENDER_DENOISE_AUTO: u32 = 8;
 
 /// A picture of a scene that the library keeps.
 #[repr(C)]

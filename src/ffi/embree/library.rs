@@ -1,19 +1,11 @@
-//! Embree loaded at run time, for us alone.
-//!
-//! A plugin that links Embree gets whatever library of that name its host has loaded before, and
-//! functions of whatever Embree is in the process's global scope. Here it is opened by its path,
-//! its names stay out of the global scope, it prefers its own to those in there, and it is called
-//! through its own table.
+//! Embree loaded at run time, for us alone, and called through its own table.
 
 use super::raw;
 use crate::error::{Error, Result};
-use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+use crate::ffi::loading;
 use std::ffi::OsString;
+use std::path::Path;
 use std::sync::OnceLock;
-
-/// glibc: the library's own definitions come before the global ones.
-const RTLD_DEEPBIND: std::ffi::c_int =
-    if cfg!(all(target_os = "linux", target_env = "gnu")) { 8 } else { 0 };
 
 #[cfg(embree4)]
 const NAME: &str = "libembree4.so.4";
@@ -68,29 +60,22 @@ fn open() -> std::result::Result<raw::Embree, String> {
     let mut reasons = Vec::new();
     for path in candidates() {
         // A bare name would find what the host has loaded.
-        if !std::path::Path::new(&path).is_absolute() {
+        if !Path::new(&path).is_absolute() {
             reasons.push(format!("{}: not an absolute path", path.display()));
             continue;
         }
-        // SAFETY: loading runs the initialisers of Embree and TBB, which ask for nothing.
-        let library = unsafe { Library::open(Some(&path), RTLD_NOW | RTLD_LOCAL | deep_bind()) };
-        // SAFETY: the library's functions have the types of the headers that bindgen read; its
-        // version is checked when a device is made.
-        match library.and_then(|l| unsafe { raw::Embree::from_library(l) }) {
+        let functions = |library| {
+            // SAFETY: the library's functions have the types of the headers that bindgen read; its
+            // version is checked when a device is made.
+            unsafe { raw::Embree::from_library(library) }.map_err(|error| error.to_string())
+        };
+        match loading::open(Path::new(&path)).and_then(functions) {
             Ok(embree) => return Ok(embree),
-            Err(error) => reasons.push(format!("{error}")),
+            Err(error) => reasons.push(error),
         }
     }
     let tried = reasons.join("; ");
     Err(format!(
         "Embree was not found ({tried}): install Debian's libembree-dev, or name the file in LUMICACHE_EMBREE, or choose the backend \"bvh\""
     ))
-}
-
-/// The address sanitizer replaces malloc in the global scope, which deep binding would pass by: it
-/// refuses to go on then.
-fn deep_bind() -> std::ffi::c_int {
-    // SAFETY: the symbol is not called, only looked for.
-    let sanitized = unsafe { Library::this().get::<*const u8>(b"__asan_init\0") }.is_ok();
-    if sanitized { 0 } else { RTLD_DEEPBIND }
 }

@@ -26,6 +26,11 @@ bl_info = {
 
 PARTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "emission")
 VECTORS = ("albedo", "N")
+DENOISE = {
+    "AUTO": lumicache.RENDER_DENOISE_AUTO,
+    "ON": lumicache.RENDER_DENOISE,
+    "OFF": 0,
+}
 
 
 def library_path():
@@ -62,6 +67,16 @@ class Settings(bpy.types.PropertyGroup):
     )
     path: bpy.props.BoolProperty(
         name="Path tracing", description="The reference, instead of the cache"
+    )
+    denoise: bpy.props.EnumProperty(
+        name="Denoise",
+        default="OFF",
+        items=[
+            ("AUTO", "Auto", "Where Open Image Denoise is installed"),
+            ("ON", "On", "Always: without Open Image Denoise nothing is rendered"),
+            ("OFF", "Off", "Never"),
+        ],
+        description="Takes the noise out of what was traced",
     )
 
 
@@ -311,9 +326,9 @@ class LumicacheEngine(bpy.types.RenderEngine):
         projection = camera.calc_matrix_camera(depsgraph, x=width, y=height)
         flat = camera.data.type == "ORTHO"
         reach = 1 / projection[1][1]
-        flags = (lumicache.RENDER_PATH if settings.path else 0) | (
-            lumicache.RENDER_ORTHOGRAPHIC if flat else 0
-        )
+        flags = DENOISE[settings.denoise]
+        flags |= lumicache.RENDER_PATH if settings.path else 0
+        flags |= lumicache.RENDER_ORTHOGRAPHIC if flat else 0
         layers = ("",) + PARTS + VECTORS
         try:
             pictures = cache.render(
@@ -352,7 +367,7 @@ class LUMICACHE_PT_sampling(bpy.types.Panel):
         return context.engine in cls.COMPAT_ENGINES
 
     def draw(self, context):
-        for name in ("samples", "quality", "path"):
+        for name in ("samples", "quality", "denoise", "path"):
             self.layout.prop(context.scene.lumicache, name)
 
 
