@@ -51,6 +51,7 @@ mod schemes {
     mod gradients; // the published gradients compared in the Cornell box
     mod leaks; // thin walls
     mod presets; // every preset
+    mod radiosity; // all light behind the visible surfaces
     mod report; // schemes on equal terms
     mod scotty3d; // what a second pass and the rotational gradient are worth
     mod steps_of_light; // small records at steps, few elsewhere

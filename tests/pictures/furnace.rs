@@ -89,11 +89,21 @@ fn every_preset_sees_the_whole_series() {
 fn assert_records(what: &str, cache: &Cache, max_bounces: u32) {
     for k in 0..cache.level_count() {
         let what = format!("{what}, level {k}");
-        let expected =
-            PI * EMISSION * (series((max_bounces - u32::from(k)).saturating_add(1)) - Color::ONE);
         let records = cache.records(k);
         assert!(!records.is_empty(), "{what} is empty");
         let count = records.len() as f32;
+        let all = records.iter().all(|r| r.payload.lit.is_some());
+        if all {
+            // Records of all light tell the direct light apart.
+            let direct = average(
+                records
+                    .iter()
+                    .map(|r| r.payload.lit.unwrap().irradiance / (PI * EMISSION) - Color::ONE),
+            );
+            assert!(direct.abs().max_element() < 0.01, "{what}: direct light is off by {direct}");
+        }
+        let held = series((max_bounces - u32::from(k)).saturating_add(1));
+        let expected = PI * EMISSION * if all { held } else { held - Color::ONE };
         let root = (cache.scheme().layout(k).rays() as f32).sqrt();
 
         let errors = records.iter().map(|r| r.payload.irradiance / expected - Color::ONE);
