@@ -125,7 +125,7 @@ mod tests {
             normal: -Vec3::Z,
             flux: 1.0,
         };
-        Bright { patches: vec![patch(0.0, 0.05), patch(1.0, 0.8)] }
+        Bright { patches: vec![patch(0.0, 0.05), patch(1.0, 0.8)], lit: Vec::new() }
     }
 
     #[test]

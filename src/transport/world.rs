@@ -26,7 +26,7 @@ pub struct SceneWorld<'a> {
     reflector: Option<SceneReflector<'a>>,
     appearance_of: Option<&'a AppearanceOf<'a>>,
     towards: Option<&'a Towards<'a>>,
-    /// Gathers have rays for small bright surfaces.
+    /// Gathers have rays for small bright surfaces, or records of all light beware of them.
     seeks_bright: bool,
 }
 
@@ -36,7 +36,7 @@ impl<'a> SceneWorld<'a> {
         let lobes = lobes.map(|l| l.choice(scheme));
         let probe = SceneProbe::new(tracer).with_lobes(lobes);
         let reflector = lobes.map(|l| SceneReflector { tracer, tables: l.tables });
-        let seeks_bright = scheme.gather.bright > 0.0;
+        let seeks_bright = scheme.gather.bright > 0.0 || scheme.radiosity.is_some();
         Self { tracer, lobes, probe, reflector, appearance_of: None, towards: None, seeks_bright }
     }
 
