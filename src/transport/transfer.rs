@@ -102,10 +102,10 @@ impl SceneTransfer<'_> {
         let (tracer, scene) = (&self.tracer, self.tracer.scene);
         let (mut found, mut beta) = (Found::default(), Color::splat(weight));
         let mut sampler = Sampler::new(seed, 0);
-        let (mut ray, mut straight) = (ray, true);
+        let (mut ray, mut first) = (ray, true);
         for bounces in 1..LONGEST_PATH {
             let emitted = tracer.emitted(&ray, hit.as_ref().map(|(p, d)| (p, *d)), &aim);
-            straight &= aim.is_straight(ray.dir);
+            let straight = first && aim.is_straight(ray.dir);
             *(if straight { &mut found.direct } else { &mut found.known }) +=
                 finite(beta * emitted);
             let Some((mut point, distance)) = hit else { break };
@@ -134,7 +134,7 @@ impl SceneTransfer<'_> {
             }
             beta *= sample.weight / survival;
             aim = aim.onward(scene, &vertex, &sample, &next);
-            straight &= aim.panes() > 0;
+            first &= aim.panes() > 0;
             ray = next;
             hit = scene.intersect(&ray, seed.wrapping_add(u64::from(bounces)));
         }

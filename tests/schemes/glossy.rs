@@ -186,6 +186,7 @@ fn records_below_the_first_bounce_replace_paths_and_change_nothing_else() {
         let with = |levels: u8| {
             let mut settings = cached(&scene, preset, [48, 48], 4);
             (settings.scheme.gather.rays, settings.scheme.levels) = (512, 3);
+            settings.scheme.radiosity = None;
             let glossy = settings.scheme.glossy.as_mut().unwrap();
             (glossy.economy, glossy.levels) = (false, levels);
             render(&scene, &settings)

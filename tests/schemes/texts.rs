@@ -26,9 +26,9 @@ fn every_preset_reads_back() {
 }
 
 #[test]
-fn forty_one_settings_and_each_of_them_is_in_a_preset() {
+fn forty_six_settings_and_each_of_them_is_in_a_preset() {
     let names: BTreeSet<&str> = settings().iter().map(|s| s.name.as_str()).collect();
-    assert_eq!((names.len(), settings().len()), (41, 41));
+    assert_eq!((names.len(), settings().len()), (46, 46));
     let used: Vec<_> = PRESETS.iter().map(|p| p.scheme().settings()).collect();
     for name in names {
         assert!(used.iter().any(|u| u.contains_key(name)), "no preset has {name}");

@@ -273,7 +273,7 @@ fn presets_are_listed_and_what_is_printed_reads_back() {
         }
     }
     all.insert("clamping".into());
-    assert!(all.len() <= 41, "{} settings: {all:?}", all.len());
+    assert!(all.len() <= 46, "{} settings: {all:?}", all.len());
 }
 
 #[test]

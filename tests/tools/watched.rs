@@ -145,7 +145,7 @@ fn an_interrupt_during_the_fill_keeps_the_old_picture_and_the_records_so_far() {
     for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
         let room = scene("indirect-room");
         let arguments = "-o out.exr --preview out.png --stats out.json --cache-save out.lumi \
-             --size 640x480 --rays 20000 --error 0.01 --display-server";
+             --size 640x480 --rays 5000 --error 0.01 --display-server";
         let arguments: Vec<&str> =
             ["render", &room].into_iter().chain(arguments.split_whitespace()).collect();
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -2,9 +2,9 @@
 
 use super::gatherer::Gatherer;
 use super::points::{Appearances, FillStats, LevelPoints, ShadingPoint, extent_of};
-use super::radiosity::Transfer;
 use super::refinement::refine;
 use super::rounds::Filling;
+use super::world::{FillPlan, Towards, World};
 use crate::cache::payload::{Harmonics, Irradiance, Payload, Projection, Reflector};
 use crate::cache::record::Record;
 use crate::cache::scheme::Placement;
@@ -12,7 +12,6 @@ use crate::cache::store::{Cache, Level, Store};
 use crate::error::{Error, Result, check_room};
 use crate::gather::RadianceProbe;
 use crate::geometry::SurfacePoint;
-use crate::math::Vec3;
 use crate::progress::{Phase, Progress};
 use crate::sampling::{hash, stream};
 use rayon::prelude::*;
@@ -20,57 +19,6 @@ use std::sync::Arc;
 
 /// Footprint of points that the camera does not see, as a share of the extent.
 const DEEPER_FOOTPRINT: f32 = 0.010;
-
-/// The direction to the viewer from a position.
-pub type Towards<'a> = dyn Fn(Vec3) -> Vec3 + Sync + 'a;
-
-/// Where the light of a cache comes from: our own scene, the scene of a host, an analytic field.
-pub trait World: Sync {
-    /// What gathers trace.
-    fn probe(&self) -> &dyn RadianceProbe;
-
-    /// `points` are those on the first level that a fill is about to serve.
-    fn prepare(&self, points: &[SurfacePoint], seed: u64) {
-        let _ = (points, seed);
-    }
-
-    /// The surface points of `level` that `count` rays from `before` meet, with the order that
-    /// their glossy lobes ask of a radiance record: 0 for none. `radiance` says whether the level
-    /// has a radiance cache. Their footprint is for the caller to set.
-    fn next_points(
-        &self, before: &[SurfacePoint], level: u8, radiance: bool, count: usize, seed: u64,
-    ) -> Vec<(SurfacePoint, u8)>;
-
-    /// How points of the first level look, with their glossy lobes if `radiance` is asked for.
-    /// `None` where the world cannot tell: its records are not refined.
-    fn appearances(&self, points: &[ShadingPoint], radiance: bool) -> Option<Appearances<'_>>;
-
-    /// What fills the radiosity cache; `None` where the world cannot.
-    fn transfer(&self) -> Option<Box<dyn Transfer + '_>> {
-        None
-    }
-
-    /// How surfaces reflect, for schemes that place records by outgoing radiance.
-    fn reflector(&self) -> Option<&dyn Reflector> {
-        None
-    }
-
-    /// The direction to the viewer, if there is one viewer.
-    fn towards_viewer(&self) -> Option<&Towards<'_>> {
-        None
-    }
-}
-
-/// How a fill is done.
-#[derive(Clone, Copy, Debug)]
-pub struct FillPlan {
-    /// Rays that look for the points of each deeper level.
-    pub deeper_points: usize,
-    /// Points per round on the first level, see [`LevelPoints::round`].
-    pub round: usize,
-    /// Seed of everything random.
-    pub seed: u64,
-}
 
 /// What fills did so far.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 //! driver of all levels.
 
 mod points;
+mod world;
 mod gatherer;
 mod rounds;
 mod locate;
@@ -11,6 +12,6 @@ mod radiosity;
 mod levels;
 mod late;
 
-pub use levels::{FillPlan, FillReport, Towards, World};
+pub use levels::FillReport;
 pub use points::{Appearances, FillStats, LevelPoints, ShadingPoint, VIEWED, scattered};
-pub use radiosity::{Casting, Found, Share, Transfer};
+pub use world::{Casting, FillPlan, Found, Share, Towards, Transfer, World};

@@ -7,14 +7,14 @@
 //! no ray more than one. The idea is that of radiosity [Goral84], with records of the irradiance
 //! cache in the place of patches.
 
-use super::levels::{FillPlan, World};
 use super::points::{FillStats, LevelPoints};
+use super::world::{Casting, FillPlan, Found, Share, Transfer, World};
 use crate::cache::payload::{Irradiance, Lit};
 use crate::cache::record::Record;
 use crate::cache::scheme::RadiositySettings;
-use crate::cache::store::{Cache, Radiosity};
+use crate::cache::store::Cache;
 use crate::error::{Error, Result, check_room};
-use crate::gather::{Layout, RadianceProbe};
+use crate::gather::Layout;
 use crate::geometry::SurfacePoint;
 use crate::math::Color;
 use crate::progress::{Phase, Progress};
@@ -30,59 +30,6 @@ const SETTLED: f32 = 1e-4;
 const SWEEPS: usize = 1000;
 /// Bytes that what one ray found takes, with its shares.
 const BYTES_PER_RAY: u64 = 160;
-
-/// How rays of the radiosity cache are cast.
-#[derive(Clone, Copy, Debug)]
-pub struct Casting {
-    /// Rays per record, spread over the hemisphere.
-    pub rays: u32,
-    /// Rays beside them towards small bright surfaces.
-    pub aimed: u32,
-    /// Samples of light sources per record.
-    pub lights: u32,
-    /// Seed of the record.
-    pub seed: u64,
-}
-
-/// What one ray of a record found: its part of the record's irradiance.
-#[derive(Clone, Debug, Default)]
-pub struct Found {
-    /// Straight from light sources.
-    pub direct: Color,
-    /// From where no record is valid, and by lobes that records do not answer for.
-    pub known: Color,
-    /// From the irradiance of records, by their numbers.
-    pub shares: Vec<Share>,
-}
-
-/// A share of a record's irradiance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Share {
-    /// The record.
-    pub record: u32,
-    /// Direct light counts, too; else it was sampled.
-    pub all: bool,
-    /// The irradiance that each unit of the record's brings.
-    pub factor: Color,
-}
-
-/// Tells which records the rays of others end in.
-pub trait Transfer: Sync {
-    /// A probe that tells distances and normals alone.
-    fn distances(&self) -> &dyn RadianceProbe;
-
-    /// Points that light sources light up.
-    fn lit(&self) -> Vec<SurfacePoint>;
-
-    /// Irradiance straight from light sources at `from`, as light samples find it. What the rays of
-    /// the record find of light sources is weighed against them.
-    fn direct(&self, from: &SurfacePoint, casting: Casting) -> Color;
-
-    /// What the rays with these numbers find, which end in `records`.
-    fn cast(
-        &self, from: &SurfacePoint, casting: Casting, numbers: &[u32], records: &Radiosity,
-    ) -> Vec<Found>;
-}
 
 /// What a record receives.
 struct Row {

@@ -86,6 +86,10 @@ impl Scheme {
                  and minimum-restricted disc and sectors, the others disc",
             ),
             (
+                self.radiosity.is_some() && self.glossy().levels > 1,
+                "setting `glossy.levels` above 1 needs `radiosity` none",
+            ),
+            (
                 axes && !matches!(radius.area, Outline::Disc | Outline::Sectors),
                 "`extrapolation.kind` axes needs `radius.area` disc or sectors",
             ),

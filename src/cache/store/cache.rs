@@ -1,8 +1,9 @@
 //! A scheme with the records made under it.
 
 use super::index::Answer;
-use super::level::{Level, Rules, Store};
+use super::level::Level;
 use super::radiosity::Radiosity;
+use super::records::{Rules, Store};
 use crate::cache::payload::{Harmonics, Irradiance, Projector};
 use crate::cache::record::{RadiusRule, Record};
 use crate::cache::scheme::Scheme;

@@ -11,8 +11,8 @@
 
 use super::cache::Cache;
 use super::index::Answer;
-use super::level::Store;
 use super::published::Published;
+use super::records::Store;
 use crate::cache::payload::Irradiance;
 use crate::cache::record::Record;
 use crate::geometry::SurfacePoint;

@@ -1,7 +1,7 @@
 //! All light that arrives at surfaces behind the first, direct light included: where traced rays
 //! end.
 
-use super::level::Store;
+use super::records::Store;
 use crate::cache::payload::{Irradiance, Lit};
 use crate::cache::record::Record;
 use crate::gather::Arriving;
