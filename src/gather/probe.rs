@@ -177,7 +177,7 @@ pub trait RadianceProbe: Sync {
 pub struct Arriving {
     /// Irradiance.
     pub irradiance: Color,
-    /// Direct light is part of it. Else it changes so fast there that it has to be sampled.
+    /// Direct light is part of it. Else it has to be sampled.
     pub all: bool,
 }
 
@@ -187,8 +187,8 @@ pub trait Deeper: Sync {
     /// `None` where no record is valid.
     fn irradiance(&self, level: u8, at: &SurfacePoint) -> Option<Color>;
 
-    /// All light at a point behind the first surface, from records with a radius of at most
-    /// `longest`; `None` where no such record is valid.
+    /// All light at a point behind the first surface; indirect light alone from records with a
+    /// radius above `longest`. `None` where no record is valid.
     fn radiosity(&self, _at: &SurfacePoint, _longest: f32) -> Option<Arriving> {
         None
     }

@@ -113,7 +113,7 @@ impl<'a> From<&'a dyn Deeper> for IndirectLight<'a> {
 impl IndirectLight<'_> {
     /// Light that leaves a surface by its diffuse lobe, as the radiosity cache knows it, and
     /// whether direct light is part of it; the ray that met the surface is `distance` long. Records
-    /// are coarse: from near by a ray sees that they are, and goes on.
+    /// are coarse, which shows from near by.
     pub(super) fn radiosity(
         &self, v: &Vertex, distance: f32, sampler: &mut Sampler,
     ) -> Option<(Color, bool)> {
@@ -162,8 +162,8 @@ impl IndirectLight<'_> {
     }
 }
 
-/// A ray may end in records of all light whose radius is at most 1/u of its length, u between this
-/// and one more.
+/// Direct light is sampled where a ray ends in records whose radius is above 1/u of its length, u
+/// between this and one more.
 pub(super) const NEAREST: f32 = 0.5;
 
 /// The cosine between shading and geometric normal above which a surface is flat.

@@ -142,8 +142,8 @@ impl SceneTransfer<'_> {
     }
 }
 
-/// Ends a ray that counts `beta` in the records at `v` with a radius of at most `longest`. Returns
-/// whether their direct light counts, `None` if there is no such record.
+/// Ends a ray that counts `beta` in the records at `v`. Returns whether their direct light counts,
+/// which it does up to a radius of `longest`; `None` if there is no record.
 fn end(
     v: &Vertex, longest: f32, beta: Color, records: &Radiosity, found: &mut Found,
 ) -> Option<bool> {

@@ -67,8 +67,9 @@ impl Radiosity {
         self.store.records()
     }
 
-    /// Light at `at` from records with a radius of at most `longest`: the weighted mean of those
-    /// that are valid. `None` where none is.
+    /// Light at `at`, the weighted mean of the records that are valid: without direct light where
+    /// that changes fast, and where one of them has a radius above `longest`. `None` where none is
+    /// valid.
     #[inline]
     pub fn lookup(&self, at: &SurfacePoint, longest: f32) -> Option<Arriving> {
         let (mut sum, mut of_lights, mut weights) = (Color::ZERO, Color::ZERO, 0.0);
@@ -90,10 +91,9 @@ impl Radiosity {
     ) -> bool {
         let mut all = true;
         self.store.index().lookup(at, u32::MAX, |v| {
-            if self.radii[v.id as usize] <= longest {
-                all &= !lit(&self.records()[v.id as usize]).sharp;
-                visit(v.id, v.weight);
-            }
+            let sharp = lit(&self.records()[v.id as usize]).sharp;
+            all &= !sharp && self.radii[v.id as usize] <= longest;
+            visit(v.id, v.weight);
             false
         });
         all
