@@ -815,8 +815,9 @@ lumi_error lumi_cache_set_progress(lumi_cache cache,
 // Threads: one per cache; lookups may go on meanwhile.
 LUMI_API lumi_error lumi_cache_freeze(lumi_cache cache);
 
-// Writes all records to a file with a checksum and the scene and settings that they were made for.
-// The file is complete or not there: it is written elsewhere and renamed.
+// Writes all irradiance records to a file with a checksum and the scene and settings that they
+// were made for. Radiance records, and irradiance that is known from them alone, are left to
+// lumi_cache_build. The file is complete or not there: it is written elsewhere and renamed.
 //
 // `file`: the path, UTF-8.
 //
@@ -832,8 +833,8 @@ LUMI_API lumi_error lumi_cache_save(lumi_cache cache, const char *file);
 // Threads: one per cache; lookups may go on meanwhile.
 LUMI_API lumi_error lumi_cache_load(lumi_cache cache, const char *file, uint32_t flags);
 
-// Adds the records of `src` to `dst`, except those that `dst` has already. LUMI_ERROR_STALE_CACHE
-// as for lumi_cache_load.
+// Adds the records of `src` that lumi_cache_save would write to `dst`, except those that `dst` has
+// already. LUMI_ERROR_STALE_CACHE as for lumi_cache_load.
 //
 // `flags`: 0 or LUMI_REUSE.
 //

@@ -85,8 +85,9 @@ pub unsafe extern "C" fn lumi_cache_freeze(cache: lumi_cache) -> lumi_error {
     })
 }
 
-/// Writes all records to a file with a checksum and the scene and settings that they were made for.
-/// The file is complete or not there: it is written elsewhere and renamed.
+/// Writes all irradiance records to a file with a checksum and the scene and settings that they
+/// were made for. Radiance records, and irradiance that is known from them alone, are left to
+/// lumi_cache_build. The file is complete or not there: it is written elsewhere and renamed.
 ///
 /// `file`: the path, UTF-8.
 ///
@@ -115,8 +116,8 @@ pub unsafe extern "C" fn lumi_cache_load(
     guard("lumi_cache_load", || borrow::<CacheObject>(cache)?.load(path(file)?, reuse(flags)?))
 }
 
-/// Adds the records of `src` to `dst`, except those that `dst` has already. LUMI_ERROR_STALE_CACHE
-/// as for lumi_cache_load.
+/// Adds the records of `src` that lumi_cache_save would write to `dst`, except those that `dst` has
+/// already. LUMI_ERROR_STALE_CACHE as for lumi_cache_load.
 ///
 /// `flags`: 0 or LUMI_REUSE.
 ///

@@ -106,6 +106,38 @@ fn files_go_round_and_tell_stale_from_corrupt() {
 }
 
 #[test]
+fn irradiance_of_radiance_records_stays_with_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = text(folder.path().join("a.lumi").to_str().unwrap());
+    let d = device("");
+    let s = loaded(&d, "cornell-box-glossy");
+    let points = seen(&s, 300);
+    let zhao = || {
+        let c = cache(&s);
+        ok(unsafe { lumi_cache_set_str(c.0, c"preset".as_ptr(), c"zhao-view".as_ptr()) });
+        ok(unsafe { lumi_cache_set_str(c.0, c"gather.rays".as_ptr(), c"256".as_ptr()) });
+        c
+    };
+    // By default the footprint follows from the cache's extent, which a loaded one brings along.
+    let footprints = vec![0.02_f32; points.0.len()];
+    let build = |c: &CacheHandle| {
+        let seeds = lumi_query { footprint: footprints.as_ptr(), ..query_of(&points) };
+        ok(unsafe { lumi_cache_build(c.0, &raw const seeds) });
+    };
+    let [c, again] = [zhao(), zhao()];
+    build(&c);
+    let wanted = bits(&ask(c.0, &points, 0).irradiance);
+    ok(unsafe { lumi_cache_save(c.0, file.as_ptr()) });
+    ok(unsafe { lumi_cache_load(again.0, file.as_ptr(), 0) });
+    assert_eq!(stats(again.0).records, stats(c.0).records - stats(c.0).radiance_records);
+    build(&again);
+    assert!(bits(&ask(again.0, &points, 0).irradiance) == wanted, "the file changed a record");
+    ok(unsafe { lumi_cache_merge(again.0, c.0, 0) });
+    assert!(bits(&ask(again.0, &points, 0).irradiance) == wanted, "merging changed a record");
+    assert_eq!(stats(again.0).records, stats(c.0).records);
+}
+
+#[test]
 fn records_with_direct_light_go_round() {
     let folder = tempfile::tempdir().unwrap();
     let file = text(folder.path().join("a.lumi").to_str().unwrap());

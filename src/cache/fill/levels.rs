@@ -176,9 +176,8 @@ impl Cache {
             };
             sum.add(&refined);
         }
-        if radiance && self.scheme().whole() {
-            let level = &mut self.levels[usize::from(level)];
-            level.irradiance = Arc::new(level.radiance().expect("it was filled").irradiance());
+        if radiance {
+            self.derive_irradiance(level);
         }
         Ok(stats.births)
     }

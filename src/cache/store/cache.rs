@@ -146,11 +146,34 @@ impl Cache {
         (level.irradiance, level.radiosity) = (Arc::new(store), None);
     }
 
-    /// Takes over the radiance caches of `other`, a cache under the same scheme.
+    /// How many irradiance records of `level`, the first ones, are those of radiance records:
+    /// where radiance records answer for all surfaces. They keep the rules of radiance records.
+    pub(in crate::cache) fn derived_count(&self, level: u8) -> usize {
+        if self.scheme.whole() { self.radiance_records(level).len() } else { 0 }
+    }
+
+    /// Gives `level` the irradiance of its radiance records, if these answer for all surfaces.
+    pub(in crate::cache) fn derive_irradiance(&mut self, level: u8) {
+        let level = &mut self.levels[usize::from(level)];
+        if let Some(radiance) = level.radiance.as_ref().filter(|_| self.scheme.whole()) {
+            level.irradiance = Arc::new(radiance.irradiance());
+        }
+    }
+
+    /// Takes over the radiance caches of `other`, a cache under the same scheme, beside the
+    /// irradiance records that are here.
     pub fn share_radiance(&mut self, other: &Self) {
         self.projector.clone_from(&other.projector);
-        for (mine, theirs) in self.levels.iter_mut().zip(&other.levels) {
-            mine.radiance.clone_from(&theirs.radiance);
+        for level in 0..self.level_count().min(other.level_count()) {
+            let place = usize::from(level);
+            self.levels[place].radiance.clone_from(&other.levels[place].radiance);
+            if self.derived_count(level) > 0 {
+                let own = self.levels[place].irradiance.clone();
+                self.derive_irradiance(level);
+                if !own.is_empty() {
+                    self.replace(level, [self.records(level), own.records()].concat());
+                }
+            }
         }
     }
 

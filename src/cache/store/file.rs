@@ -138,9 +138,12 @@ struct ColumnHeader {
 }
 
 impl CacheFile {
-    /// The records of `cache`, made for `origin`.
+    /// The irradiance records of `cache`, made for `origin`.
     pub fn new(cache: &Cache, origin: Origin) -> Self {
-        let records = |level| cache.records(level).to_vec();
+        let records = |level| {
+            let derived = cache.derived_count(level);
+            cache.records(level).iter().skip(derived).cloned().collect()
+        };
         Self {
             origin,
             extent: cache.extent(),
