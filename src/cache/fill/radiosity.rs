@@ -65,6 +65,9 @@ impl Cache {
         let mut stats = placed.fill(transfer.distances(), 0, &level, seed, progress)?;
         let mut records = placed.records(0).to_vec();
         let new = records.len() - first;
+        if new == 0 {
+            return Ok(stats);
+        }
         progress.extend(new as u64 * u64::from(settings.rays));
         let bytes = new as u64 * u64::from(settings.rays) * BYTES_PER_RAY;
         check_room(format_args!("the rays of {new} records of all light"), bytes)?;
