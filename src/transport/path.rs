@@ -16,7 +16,7 @@ use crate::scene::Scene;
 
 /// The gloss beside a cached diffuse lobe is followed with this multiple of its weight as
 /// probability.
-const GLOSS_SURVIVAL: f32 = 2.0;
+pub(super) const GLOSS_SURVIVAL: f32 = 2.0;
 
 /// Traces light paths through a scene.
 #[derive(Clone, Copy)]
@@ -250,18 +250,13 @@ impl PathTracer<'_> {
         let level = u8::try_from(bounces).unwrap_or(u8::MAX);
         let known = indirect.filter(|_| bounces < self.max_bounces);
         let all = known.and_then(|k| k.radiosity(v, distance, sampler));
-        let indirect_alone =
-            |k: IndirectLight| if all.is_none() { k.leaving(level, v) } else { None };
-        let (cached, sampled) = match known.and_then(indirect_alone) {
-            Some((diffuse, Some(glossy))) => (Reflected { diffuse, glossy }, Sampled::Nothing),
-            Some((diffuse, None)) => (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy),
-            None => match all {
-                Some((diffuse, true)) => {
-                    (Reflected { diffuse, glossy: Color::ZERO }, Sampled::GlossyAlone)
-                }
-                Some((diffuse, false)) => {
-                    (Reflected { diffuse, glossy: Color::ZERO }, Sampled::Glossy)
-                }
+        let of = |diffuse| Reflected { diffuse, glossy: Color::ZERO };
+        let (cached, sampled) = match all {
+            Some((diffuse, true)) => (of(diffuse), Sampled::GlossyAlone),
+            Some((diffuse, false)) => (of(diffuse), Sampled::Glossy),
+            None => match known.and_then(|k| k.leaving(level, v)) {
+                Some((diffuse, Some(glossy))) => (Reflected { diffuse, glossy }, Sampled::Nothing),
+                Some((diffuse, None)) => (of(diffuse), Sampled::Glossy),
                 None => (Reflected::default(), Sampled::Everything),
             },
         };
@@ -457,4 +452,9 @@ pub(super) fn reflected(
     };
     let scale = radiance * (wi.z.abs() / light.pdf);
     Some(Reflected { diffuse: diffuse * scale * for_diffuse, glossy: glossy * scale * for_glossy })
+}
+
+/// A sample that is not a number must not spoil a record.
+pub(super) fn finite(c: Color) -> Color {
+    if c.is_finite() { c } else { Color::ZERO }
 }

@@ -7,7 +7,7 @@ use super::direct::LightPoints;
 use super::find_bright::find_bright;
 use super::focus::{Seen, seen};
 use super::hit_change::{Change, Views};
-use super::path::{PathTracer, Start};
+use super::path::{PathTracer, Start, finite};
 use super::vertex::{Aim, Origin, Vertex};
 use super::{CachedLobes, IndirectLight};
 use crate::accel::{Coherence, Hit, Ray};
@@ -260,9 +260,4 @@ fn add_change(bundle: &mut Bundle, k: usize, change: Change) {
     for (sum, c) in bundle.change.iter_mut().zip(change) {
         sum[k] += finite(c);
     }
-}
-
-/// A sample that is not a number must not spoil a record.
-fn finite(c: Color) -> Color {
-    if c.is_finite() { c } else { Color::ZERO }
 }

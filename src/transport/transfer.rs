@@ -2,7 +2,7 @@
 
 use super::bright::{Bright, Cones};
 use super::lobes::NEAREST;
-use super::path::{PathTracer, Sampled, power_heuristic};
+use super::path::{GLOSS_SURVIVAL, PathTracer, Sampled, finite, power_heuristic};
 use super::vertex::{Aim, Origin, Vertex};
 use crate::accel::{Coherence, Hit, Ray};
 use crate::cache::{Casting, Found, Radiosity, Share, Transfer};
@@ -12,9 +12,6 @@ use crate::math::{Color, PI, Vec3};
 use crate::sampling::{
     LONGEST_PATH, MAX_SURVIVAL, ROULETTE_AFTER, Rng, Sampler, cosine_hemisphere_pdf, hash, stream,
 };
-
-/// The gloss beside a diffuse lobe is followed with this multiple of its weight as probability.
-const GLOSS_SURVIVAL: f32 = 2.0;
 
 /// Which records of all light the rays of others end in.
 pub(super) struct SceneTransfer<'a> {
@@ -214,9 +211,4 @@ impl Transfer for SceneTransfer<'_> {
         }
         numbers.iter().map(|&k| std::mem::take(&mut found[k as usize])).collect()
     }
-}
-
-/// A sample that is not a number must not spoil a record.
-fn finite(c: Color) -> Color {
-    if c.is_finite() { c } else { Color::ZERO }
 }
